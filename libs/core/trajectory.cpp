@@ -1,0 +1,74 @@
+#include "core/trajectory.h"
+
+#include <cmath>
+#include <cstdio>
+#include <fstream>
+#include <sstream>
+
+#include "core/errors.h"
+#include "core/output_file.h"
+
+namespace raceloc {
+
+namespace {
+constexpr char kOriginTag[] = "# map origin (WGS84 lat_deg lon_deg height_m):";
+}
+
+void writeTum(const std::string& path, const Trajectory& trajectory) {
+  std::string text;
+  char line[256];
+  if (trajectory.origin) {
+    std::snprintf(line, sizeof line, "%s %.10f %.10f %.4f\n", kOriginTag, trajectory.origin->latitude_deg,
+                  trajectory.origin->longitude_deg, trajectory.origin->height_m);
+    text += line;
+  }
+  text += "# stamp_s x_m y_m z_m qx qy qz qw\n";
+  for (const auto& [stamp_s, T] : trajectory.poses) {
+    const Eigen::Quaterniond q(T.linear());
+    const Eigen::Vector3d p = T.translation();
+    std::snprintf(line, sizeof line, "%.6f %.4f %.4f %.4f %.9f %.9f %.9f %.9f\n", stamp_s, p.x(), p.y(), p.z(), q.x(),
+                  q.y(), q.z(), q.w());
+    text += line;
+  }
+  writeTextFile(path, text);
+}
+
+Trajectory readTum(const std::string& path) {
+  std::ifstream in(path);
+  if (!in) throw InputError("trajectory " + path + ": cannot be read");
+  Trajectory trajectory;
+  std::string line;
+  const std::string tag = kOriginTag;
+  for (int number = 1; std::getline(in, line); ++number) {
+    const auto bad = [&](const std::string& what) {
+      return InputError("trajectory " + path + ", line " + std::to_string(number) + ": " + what);
+    };
+    if (line.compare(0, tag.size(), tag) == 0) {
+      std::istringstream fields(line.substr(tag.size()));
+      GeodeticPoint origin{};
+      if (!(fields >> origin.latitude_deg >> origin.longitude_deg >> origin.height_m)) throw bad("unreadable origin");
+      trajectory.origin = origin;
+      continue;
+    }
+    if (line.find_first_not_of(" \t\r") == std::string::npos || line[0] == '#') continue;
+    std::istringstream fields(line);
+    double stamp_s = 0;
+    double v[7];
+    fields >> stamp_s;
+    for (double& value : v) fields >> value;
+    std::string rest;
+    if (!fields || fields >> rest) throw bad("not eight numbers `stamp x y z qx qy qz qw`: " + line);
+    const Eigen::Quaterniond q(v[6], v[3], v[4], v[5]);
+    if (!(std::abs(q.norm() - 1) < 1e-3)) throw bad("the quaternion is not of unit length: " + line);
+    if (!trajectory.poses.empty() && !(stamp_s > trajectory.poses.back().stamp_s))
+      throw bad("stamps must increase; sort the file and drop duplicates");
+    Pose T = Pose::Identity();
+    T.linear() = q.normalized().toRotationMatrix();
+    T.translation() << v[0], v[1], v[2];
+    trajectory.poses.push_back({stamp_s, T});
+  }
+  if (trajectory.poses.empty()) throw InputError("trajectory " + path + ": holds no pose");
+  return trajectory;
+}
+
+}  // namespace raceloc
