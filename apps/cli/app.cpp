@@ -1,0 +1,91 @@
+#include "cli/app.h"
+
+#include <sys/resource.h>
+#include <unistd.h>
+
+#include <cstdio>
+#include <iostream>
+#include <utility>
+
+#include "core/errors.h"
+
+namespace raceloc {
+
+int runApp(const std::string& name, const std::function<void()>& body) {
+  try {
+    body();
+    return 0;
+  } catch (const InputError& e) {
+    std::fprintf(stderr, "%s: %s\n", name.c_str(), e.what());
+    return 2;
+  } catch (const std::exception& e) {
+    std::fprintf(stderr, "%s: internal error, please report it: %s\n", name.c_str(), e.what());
+    return 1;
+  }
+}
+
+namespace {
+
+/** Help as a manual page would have it, and errors as InputErrors. */
+class ManualOutput : public TCLAP::StdOutput {
+ public:
+  void usage(TCLAP::CmdLineInterface& cmd) override {
+    std::cout << cmd.getMessage() << "\nOPTIONS\n";
+    const std::list<TCLAP::Arg*>& args = cmd.getArgList();
+    for (auto arg = args.rbegin(); arg != args.rend(); ++arg) {
+      std::string text = (*arg)->getDescription();
+      for (const std::string drop : {"(required)  ", "(OR required)  ", "(value required)  "})
+        if (const auto at = text.find(drop); at != std::string::npos) text.erase(at, drop.size());
+      std::cout << "  " << (*arg)->longID() << "\n      " << text << "\n";
+    }
+  }
+  void version(TCLAP::CmdLineInterface& cmd) override {
+    const std::string path = cmd.getProgramName();
+    std::cout << path.substr(path.rfind('/') + 1) << " " << cmd.getVersion() << "\n";
+  }
+  void failure(TCLAP::CmdLineInterface& /*cmd*/, TCLAP::ArgException& e) override {
+    throw InputError(e.error() + " " + e.argId() + " (see --help)");
+  }
+};
+
+}  // namespace
+
+CommandLine::CommandLine(const std::string& summary) : TCLAP::CmdLine(summary, ' ', RACELOC_VERSION) {
+  delete _output;  // TCLAP owns its own; from here on ours lives as long as the command line
+  x_output = std::make_unique<ManualOutput>();
+  setOutput(x_output.get());
+}
+
+CommandLine::~CommandLine() = default;
+
+Progress::Progress(std::string what)
+    : x_what(std::move(what)),
+      x_start(std::chrono::steady_clock::now()),
+      x_drawn(x_start),
+      x_visible(isatty(STDERR_FILENO) != 0) {}
+
+Progress::~Progress() {
+  if (x_visible) std::fprintf(stderr, "\r\033[K");
+}
+
+void Progress::operator()(double share) {
+  const auto now = std::chrono::steady_clock::now();
+  if (!x_visible || now - x_drawn < std::chrono::milliseconds(200)) return;
+  x_drawn = now;
+  const double spent_s = std::chrono::duration<double>(now - x_start).count();
+  const double left_s = share > 0 ? spent_s * (1 - share) / share : 0;
+  constexpr int kWidth = 30;
+  const int done = static_cast<int>(share * kWidth);
+  std::string bar(kWidth, '.');
+  bar.replace(0, static_cast<std::size_t>(done), static_cast<std::size_t>(done), '#');
+  std::fprintf(stderr, "\r\033[K%s [%s] %3.0f %%, %.0f s left", x_what.c_str(), bar.c_str(), 100 * share, left_s);
+  std::fflush(stderr);
+}
+
+double peakMemory_MiB() {
+  rusage usage{};
+  getrusage(RUSAGE_SELF, &usage);
+  return static_cast<double>(usage.ru_maxrss) / 1024;
+}
+
+}  // namespace raceloc

@@ -1,0 +1,51 @@
+/** \file
+ * What every app shares: one way to end, one way to show progress. */
+#pragma once
+
+#include <mrpt/3rdparty/tclap/CmdLine.h>
+
+#include <chrono>
+#include <functional>
+#include <memory>
+#include <string>
+
+namespace raceloc {
+
+/** Runs `body` and turns how it ends into what the user sees: 0 when it returns; one line on stderr and 2 for an
+ * InputError (bad arguments are one); the line of the exception and 1 for anything else. */
+int runApp(const std::string& name, const std::function<void()>& body);
+
+/** A command line in MRPT's manner. `summary` is what `--help` prints first, line by line as given: NAME, what it does,
+ * EXAMPLES, EXIT STATUS. parse() returns false after `--help` or `--version`: the app then just returns.
+ * \throws InputError (from parse) for arguments that do not fit. */
+class CommandLine : public TCLAP::CmdLine {
+ public:
+  explicit CommandLine(const std::string& summary);
+  ~CommandLine() override;
+  CommandLine(const CommandLine&) = delete;
+  CommandLine& operator=(const CommandLine&) = delete;
+
+ private:
+  std::unique_ptr<TCLAP::CmdLineOutput> x_output;
+};
+
+/** A line on stderr that is drawn again at most five times a second, with the time left; silent when stderr is no
+ * terminal. */
+class Progress {
+ public:
+  explicit Progress(std::string what);
+  ~Progress();
+  Progress(const Progress&) = delete;
+  Progress& operator=(const Progress&) = delete;
+  void operator()(double share);  ///< 0..1
+
+ private:
+  std::string x_what;
+  std::chrono::steady_clock::time_point x_start, x_drawn;
+  bool x_visible;
+};
+
+/** Peak resident memory of this process [MiB], as the operating system counts it. */
+[[nodiscard]] double peakMemory_MiB();
+
+}  // namespace raceloc
