@@ -82,6 +82,8 @@ void Progress::operator()(double share) {
   std::fflush(stderr);
 }
 
+std::string toolVersion() { return RACELOC_VERSION; }
+
 double peakMemory_MiB() {
   rusage usage{};
   getrusage(RUSAGE_SELF, &usage);

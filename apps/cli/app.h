@@ -45,6 +45,8 @@ class Progress {
   bool x_visible;
 };
 
+[[nodiscard]] std::string toolVersion();  ///< "0.1.0"
+
 /** Peak resident memory of this process [MiB], as the operating system counts it. */
 [[nodiscard]] double peakMemory_MiB();
 

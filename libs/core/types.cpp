@@ -58,6 +58,20 @@ Vector6d se3Log(const Pose& pose) {
   return xi;
 }
 
+Matrix6d adjoint(const Pose& pose) {
+  Matrix6d ad = Matrix6d::Zero();
+  ad.topLeftCorner<3, 3>() = pose.linear();
+  ad.bottomRightCorner<3, 3>() = pose.linear();
+  ad.bottomLeftCorner<3, 3>() = skew(pose.translation()) * pose.linear();
+  return ad;
+}
+
+BodyMotion then(const BodyMotion& first, const BodyMotion& second) {
+  const Matrix6d ad = adjoint(second.T_start_end.inverse());
+  return {first.duration_s + second.duration_s, first.T_start_end * second.T_start_end,
+          ad * first.covariance * ad.transpose() + second.covariance};
+}
+
 double wrapAngle(double angle_rad) { return angle_rad - 2 * M_PI * std::floor((angle_rad + M_PI) / (2 * M_PI)); }
 
 double yawOf(const Pose& pose) { return std::atan2(pose.linear()(1, 0), pose.linear()(0, 0)); }

@@ -46,10 +46,14 @@ struct BodyMotion {
   Matrix6d covariance = Matrix6d::Zero();  ///< of the end pose, right increment (rad, m)
 };
 
+/** One motion after another: T_start_end, duration and covariance (eq. of propagation: Ad(T^-1) C Ad(T^-1)' + C). */
+[[nodiscard]] BodyMotion then(const BodyMotion& first, const BodyMotion& second);
+
 /** \name SE(3) with right increments: T * exp(xi). Source: Sola et al., arXiv:1812.01537, Eq. (25), (172).
  * @{ */
 [[nodiscard]] Pose se3Exp(const Vector6d& rotation_translation);  ///< full exponential, translation through V
 [[nodiscard]] Vector6d se3Log(const Pose& pose);                  ///< its inverse, rotation angle in [0, pi]
+[[nodiscard]] Matrix6d adjoint(const Pose& pose);                 ///< T exp(xi) T^-1 = exp(Ad(T) xi), Eq. (175)
 /** @} */
 
 [[nodiscard]] double wrapAngle(double angle_rad);            ///< into [-pi, pi)

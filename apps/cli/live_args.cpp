@@ -1,0 +1,110 @@
+#include "cli/live_args.h"
+
+#include <cstdio>
+#include <iostream>
+
+#include "cli/app.h"
+#include "core/errors.h"
+
+namespace raceloc {
+
+namespace {
+
+constexpr char kHelp[] = R"(NAME
+  raceloc-live - localization of a car on its map
+
+SYNOPSIS
+  raceloc-live -c INI -m MAP.rlmap -i RACE.rawlog [-o ANNOTATED.rawlog] [--trajectory RACE.tum]
+
+DESCRIPTION
+  Plays a log through the localizer, as fast as it goes: each LiDAR sweep is de-skewed and matched against
+  the map's tiles around the car, and a Bayesian gate decides which of scan match and GPS/INS the filter
+  believes. Writes the estimate as a TUM file and as an annotated rawlog for RawLogViewer: the estimate as
+  CObservationRobotPose with covariance and as the only odometry, the gate's numbers as CObservationRawDAQ
+  labelled gate, and at each sweep a CObservation3DScene with car, scan, sources and verdicts.
+  The first GPS fix with a heading starts the filter.
+
+EXAMPLES
+  raceloc-live -c ini/live.ini -m monza.rlmap -i race.rawlog -o out.rawlog --trajectory race.tum
+  raceloc-live -c ini/live.ini -m monza.rlmap -i race.rawlog --disable 'gps_*' --trajectory lidar_only.tum
+  raceloc-live --print-ini > my_live.ini     every key with its meaning, range and default
+
+EXIT STATUS
+  0 the log was played to its end; 2 an input is missing or wrong (one line says which); 1 a fault of raceloc.
+)";
+
+void print(const ReplayReport& r) {
+  std::printf("device           %s\n", r.device_reason.c_str());
+  std::printf("recording        %.1f s; %zu outputs (%zu by dead reckoning alone), %zu tile loads\n", r.recorded_s,
+              r.outputs, r.dead_reckoned, r.tile_loads);
+  if (r.dropped_late > 0) std::printf("dropped          %zu samples, out of order beyond the window\n", r.dropped_late);
+  if (r.disabled_samples > 0) std::printf("disabled         %zu samples, as asked\n", r.disabled_samples);
+  std::printf("scan match       %zu of %zu sweeps trusted; residual %.3f m across the surface, inlier share %.2f, %.0f "
+              "iterations (medians)\n",
+              r.trusted_matches, r.scans, r.match_residual_m, r.match_inlier_share, r.match_iterations);
+  std::printf("gate             rule 1 (primary) %zu, 2 (weighted) %zu, 3 (some rejected) %zu, 4 (all rejected) %zu; %zu "
+              "alarms\n",
+              r.rule_counts[1], r.rule_counts[2], r.rule_counts[3], r.rule_counts[4], r.alarms);
+  std::printf("scan to pose     %.1f ms median, %.1f ms p99\n", 1e3 * r.match_median_s, 1e3 * r.match_p99_s);
+}
+
+}  // namespace
+
+std::optional<LiveArgs> parseLiveArgs(int argc, char** argv) {
+  CommandLine cmd(kHelp);
+  TCLAP::ValueArg<std::string> ini("c", "config", "options; see --print-ini", false, "", "INI", cmd);
+  TCLAP::ValueArg<std::string> map("m", "map", "the map, made by raceloc-map", false, "", "MAP.rlmap", cmd);
+  TCLAP::ValueArg<std::string> log("i", "input", "the log to play", false, "", "RACE.rawlog", cmd);
+  TCLAP::ValueArg<std::string> out("o", "output", "annotated rawlog to write", false, "", "OUT.rawlog", cmd);
+  TCLAP::ValueArg<std::string> trajectory("", "trajectory", "estimate to write (TUM)", false, "", "RACE.tum", cmd);
+  TCLAP::ValueArg<std::string> disable("", "disable", "switch off the sources of these labels, e.g. 'gps_*'", false, "",
+                                       "LABELS", cmd);
+  TCLAP::ValueArg<double> after("", "disable-after", "but hear them for this long first [s]", false, 1.0, "SECONDS", cmd);
+  TCLAP::SwitchArg print_ini("", "print-ini", "print every key with its default and end", cmd);
+  TCLAP::SwitchArg verbose("v", "verbose", "also print the options in force", cmd);
+  if (!cmd.parse(argc, argv)) return std::nullopt;
+
+  if (!print_ini.getValue()) {
+    if (!ini.isSet()) throw InputError("no options given: -c ini/live.ini (see --help)");
+    if (!map.isSet()) throw InputError("no map given: -m MAP.rlmap (see --help)");
+    if (!log.isSet()) throw InputError("no log given: -i RACE.rawlog (see --help)");
+  }
+  LiveArgs args{ini.getValue(),        map.getValue(), log.getValue(), out.getValue(),
+                trajectory.getValue(), std::nullopt,   std::nullopt,   verbose.getValue(),
+                print_ini.getValue()};
+  if (disable.isSet()) args.disable_labels = disable.getValue();
+  if (after.isSet()) {
+    if (!(after.getValue() >= 0)) throw InputError("--disable-after must be >= 0 s");
+    args.disable_after_s = after.getValue();
+  }
+  return args;
+}
+
+void runLive(const LiveArgs& args) {
+  if (args.print_ini) {
+    std::cout << ReplayOptions{}.iniText();
+    return;
+  }
+  ReplayOptions options = ReplayOptions::fromIni(args.ini_path);
+  if (args.disable_labels) options.live.disable_labels = *args.disable_labels;
+  if (args.disable_after_s) options.live.disable_after_s = *args.disable_after_s;
+  if (args.verbose) std::cout << options.iniText() << "\n";
+  std::optional<OutputFile> probe;  // an output that cannot be written is told before the work, not after
+  if (!args.trajectory_path.empty()) probe.emplace(args.trajectory_path);
+
+  const auto start = std::chrono::steady_clock::now();
+  std::optional<ReplayReport> report;
+  {
+    Progress progress("localizing");
+    report.emplace(replay(args.rawlog_path, args.map_path, args.output_path, options,
+                          [&](double share) { progress(share); }));
+  }
+  if (!args.trajectory_path.empty()) writeTum(args.trajectory_path, report->trajectory);
+
+  print(*report);
+  const double wall_s = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
+  std::printf("run              %.1f s wall for %.1f s recorded, peak memory %.0f MiB\n", wall_s, report->recorded_s,
+              peakMemory_MiB());
+}
+
+}  // namespace raceloc

@@ -1,0 +1,24 @@
+#pragma once
+
+#include <optional>
+#include <string>
+
+#include "pipeline/replay.h"
+
+namespace raceloc {
+
+/** Command line of raceloc-live. */
+struct LiveArgs {
+  std::string ini_path, map_path, rawlog_path, output_path, trajectory_path;
+  std::optional<std::string> disable_labels;
+  std::optional<double> disable_after_s;
+  bool verbose, print_ini;
+};
+
+/** None after `--help` or `--version`. \throws InputError for arguments that do not fit. */
+[[nodiscard]] std::optional<LiveArgs> parseLiveArgs(int argc, char** argv);
+
+/** Everything that raceloc-live does. */
+void runLive(const LiveArgs& args);
+
+}  // namespace raceloc

@@ -1,0 +1,57 @@
+#include "raceloc/gpu/context.h"
+
+#include <cstdlib>
+#include <string_view>
+
+#include "core/backend.hpp"
+
+namespace raceloc::gpu {
+
+namespace {
+
+/** What RACELOC_BACKEND says; `asked` without it. */
+Backend overridden(Backend asked, bool& by_environment) {
+  const char* value = std::getenv("RACELOC_BACKEND");
+  by_environment = value != nullptr && *value != '\0';
+  if (!by_environment) return asked;
+  const std::string_view name = value;
+  if (name == "auto") return Backend::automatic;
+  if (name == "cpu") return Backend::cpu;
+  if (name == "cuda") return Backend::cuda;
+  throw std::invalid_argument("RACELOC_BACKEND is '" + std::string(name) + "', but must be auto, cpu or cuda");
+}
+
+}  // namespace
+
+Context::Context(Backend backend, int device) {
+  bool by_environment = false;
+  const Backend wanted = overridden(backend, by_environment);
+  const std::string who = by_environment ? "RACELOC_BACKEND asks for it" : "it was asked for";
+  switch (wanted) {
+    case Backend::cpu:
+      x_backend = makeCpuBackend();
+      x_reason = x_backend->description() + ": " + who;
+      return;
+    case Backend::cuda:
+      x_backend = makeCudaBackend(device);
+      x_reason = x_backend->description() + ": " + who;
+      return;
+    case Backend::automatic: break;
+  }
+  try {
+    x_backend = makeCudaBackend(device);
+    x_reason = x_backend->description() + ": it answers and passed its test launch";
+  } catch (const DeviceError& no_cuda) {
+    x_backend = makeCpuBackend();
+    x_reason = x_backend->description() + ": " + no_cuda.what();
+  }
+}
+
+Context::~Context() = default;
+Context::Context(Context&&) noexcept = default;
+Context& Context::operator=(Context&&) noexcept = default;
+
+Backend Context::backend() const { return x_backend->kind(); }
+const std::string& Context::reason() const { return x_reason; }
+
+}  // namespace raceloc::gpu

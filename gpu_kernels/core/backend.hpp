@@ -1,0 +1,66 @@
+/** \file
+ * The seam between the border (api/) and a device: what cpu/, cuda/ and cuda_stub/ each implement. */
+#pragma once
+
+#include <memory>
+#include <string>
+
+#include "core/factor.hpp"
+#include "raceloc/gpu/context.h"
+#include "raceloc/gpu/covariance.h"
+#include "raceloc/gpu/matcher.h"
+#include "raceloc/gpu/types.h"
+
+namespace raceloc::gpu {
+
+class VoxelTable;
+
+/** A voxel map's copy on a device. */
+class MapMirror {
+ public:
+  virtual ~MapMirror() = default;
+  virtual void upload(const VoxelTable& table) = 0;
+};
+
+/** Sums of a pass over all source points. */
+struct Pass {
+  std::array<double, kSums> sums{};
+};
+
+/** VGICP passes of one source against one map. The caller keeps both alive and does not change them. */
+class PassRunner {
+ public:
+  virtual ~PassRunner() = default;
+  /** The sums at a pose; kFrozenCost is over the frozen pairs, 0 before the first freeze(). kDistance costs an
+   * eigen-decomposition a pair and is left 0 unless asked for. */
+  virtual Pass run(const Transform& T_map_source, bool with_distance) = 0;
+  /** The pairs of the newest pass become the frozen ones. */
+  virtual void freeze() = 0;
+};
+
+class BackendBase {
+ public:
+  virtual ~BackendBase() = default;
+  [[nodiscard]] virtual Backend kind() const = 0;
+  [[nodiscard]] virtual std::string description() const = 0;  ///< device, for the log
+  virtual Points voxelGrid(const PointsView& points, double voxel_size_m, std::size_t& dropped) = 0;
+  virtual Covariances covariances(const PointsView& points, const CovarianceOptions& options) = 0;
+  virtual std::unique_ptr<MapMirror> mirror() = 0;  ///< null where the host's table serves
+  /** One runner of a backend at a time: it works in the backend's buffers. \param mirror of this backend */
+  virtual std::unique_ptr<PassRunner> passes(const PointsView& source, const CovariancesView& covariances,
+                                             const VoxelTable& table, const MapMirror* mirror,
+                                             const MatchOptions& options) = 0;
+};
+
+std::unique_ptr<BackendBase> makeCpuBackend();
+
+/** \throws DeviceError with the reason if there is no usable device or CUDA was not built in */
+std::unique_ptr<BackendBase> makeCudaBackend(int device);
+
+/** The float setup of a pass. */
+PassSetup passSetup(const Transform& T_map_source, double voxel_size_m, const MatchOptions& options);
+
+/** The Gauss-Newton system of a pass. */
+Linearization linearization(const Pass& pass);
+
+}  // namespace raceloc::gpu

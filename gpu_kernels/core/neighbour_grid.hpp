@@ -1,0 +1,87 @@
+/** \file
+ * Cell list for neighbours within a radius: points sorted by cell, x fastest, so that the three cells beside each other
+ * in x are one run of points and a neighbourhood is nine runs. */
+#pragma once
+
+#include <algorithm>
+#include <cstdint>
+
+#include "core/cell.hpp"
+#include "core/eig3.hpp"
+#include "core/linear.hpp"
+#include "core/moments.hpp"
+#include "raceloc/gpu/types.h"
+
+namespace raceloc::gpu {
+
+/** Points [first, last) of the sorted cloud. */
+struct Run {
+  std::uint32_t first, last;
+};
+
+inline constexpr int kRowsAround = 9;
+
+struct NeighbourGrid {
+  KeyLayout layout;
+  double cell_m = 1;
+
+  /** Cell of a point. Indices are clamped: that keeps neighbours in neighbouring cells whatever the extent. */
+  [[nodiscard]] RACELOC_HD Cell cell(double x, double y, double z) const {
+    return {clamped(x / cell_m), clamped(y / cell_m), clamped(z / cell_m)};
+  }
+
+  /** Key of the first cell of row `row` around the cell with key `key`; the row's last cell is two further. */
+  [[nodiscard]] RACELOC_HD std::uint64_t rowKey(std::uint64_t key, int row) const {
+    const std::uint64_t y = std::uint64_t{1} << layout.shift_y, z = std::uint64_t{1} << layout.shift_z;
+    return key - z - y - 1 + static_cast<std::uint64_t>(row / 3) * z + static_cast<std::uint64_t>(row % 3) * y;
+  }
+
+  /** Grid over finite points. The box has an empty ring, so that a row beside the border is no other row. */
+  static NeighbourGrid over(const PointsView& p, float radius_m) {
+    NeighbourGrid grid;
+    grid.cell_m = static_cast<double>(radius_m) * (1 + 1e-6);  // rounding must not put neighbours two cells apart
+    if (p.size == 0) return grid;
+    const auto [x_low, x_high] = std::minmax_element(p.x, p.x + p.size);
+    const auto [y_low, y_high] = std::minmax_element(p.y, p.y + p.size);
+    const auto [z_low, z_high] = std::minmax_element(p.z, p.z + p.size);
+    const Cell low = grid.cell(*x_low, *y_low, *z_low), high = grid.cell(*x_high, *y_high, *z_high);
+    grid.layout =
+        KeyLayout::of({low.x - 1, low.y - 1, low.z - 1}, {high.x + 1, high.y + 1, high.z + 1});
+    return grid;
+  }
+
+ private:
+  static RACELOC_HD std::int32_t clamped(double index) {
+    constexpr double limit = kCellLimit - 2;  // with the ring, still 21 bits
+    return floorToInt(index < -limit ? -limit : (index > limit ? limit : index));
+  }
+};
+
+/** What one point's covariance needs besides its neighbours. */
+struct CovarianceSetup {
+  float squared_radius_m2, epsilon;
+  Regularisation regularisation;
+  std::int32_t min_neighbours;
+
+  static CovarianceSetup of(const CovarianceOptions& o) {
+    return {o.radius_m * o.radius_m, o.plane_epsilon, o.regularisation, o.min_neighbours};
+  }
+};
+
+/** Covariance of the point q over the points of nine runs; `p` is the sorted cloud. */
+template <class WeightOf>
+RACELOC_HD Sym3<float> covarianceAt(const Vec3<float>& q, const PointsView& p, const Run* runs,
+                                    const CovarianceSetup& setup, const WeightOf& weightOf, std::int32_t& neighbours) {
+  Moments<float> moments;
+  for (int row = 0; row < kRowsAround; ++row) {
+    const Run run = runs[row];
+    for (std::uint32_t j = run.first; j < run.last; ++j) {
+      moments.add({p.x[j] - q.x, p.y[j] - q.y, p.z[j] - q.z}, setup.squared_radius_m2, weightOf);
+    }
+  }
+  neighbours = moments.neighbours;
+  if (neighbours < setup.min_neighbours) return isotropic(setup.squared_radius_m2);
+  return regularised(moments.covariance(), setup.regularisation, setup.epsilon, setup.squared_radius_m2);
+}
+
+}  // namespace raceloc::gpu

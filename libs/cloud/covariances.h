@@ -1,0 +1,44 @@
+/** \file
+ * Clouds with a covariance at every point: what registration takes. */
+#pragma once
+
+#include <raceloc/gpu/covariance.h>
+
+#include "core/options.h"
+#include "core/types.h"
+
+namespace raceloc {
+
+/** Points and their covariances, one each, in one frame. */
+struct CovarianceCloud {
+  Cloud cloud;
+  gpu::Covariances covariances;
+};
+
+[[nodiscard]] gpu::PointsView viewOf(const Cloud& cloud);
+[[nodiscard]] gpu::Transform toTransform(const Pose& pose);
+[[nodiscard]] Pose toPose(const gpu::Transform& transform);
+
+/** Section [covariance]: the kernel that weighs the neighbours of a point (paper, table of kernel descriptors). */
+struct CovarianceOptions {
+  gpu::Weight kernel = gpu::Weight::laplacian;
+  gpu::Regularisation regularisation = gpu::Regularisation::plane;
+  double radius_m = 1.5;
+  double rbf_gamma_per_m2 = 1.0;
+  double gaussian_sigma_m = 0.75;
+  double laplacian_sigma_m = 0.75;
+  double polynomial_alpha_per_m2 = 1.0;
+  double polynomial_c = 1.0;
+  int polynomial_degree = 2;
+  double hist_s_m = 1.5;
+  double plane_epsilon = 1e-3;
+  int min_neighbours = 5;
+  void describe(OptionList& keys);
+  [[nodiscard]] gpu::CovarianceOptions forKernels() const;
+};
+
+/** \param cloud finite points. Source: reading.md section 4.
+ * \throws std::invalid_argument as gpu::covariances(). */
+[[nodiscard]] CovarianceCloud withCovariances(gpu::Context& context, Cloud cloud, const CovarianceOptions& options);
+
+}  // namespace raceloc

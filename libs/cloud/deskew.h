@@ -1,0 +1,29 @@
+/** \file
+ * A sweep takes 0.1 s: at 70 m/s its first point is measured 7 m away from its last. */
+#pragma once
+
+#include "cloud/crop.h"
+#include "core/samples.h"
+#include "core/types.h"
+
+namespace raceloc {
+
+/** Planar motion at constant speed and yaw rate, as a pose: the chord of the arc. */
+[[nodiscard]] Pose arc(double length_m, double turn_rad);
+
+/** What a scan becomes: points in the body frame at one instant. */
+struct DeskewedScan {
+  double stamp_s;  ///< the instant: end of the sweep, or the scan's stamp if its points have no times
+  Cloud cloud;     ///< body frame at stamp_s, cropped
+};
+
+/** End of the sweep: stamp plus the latest point time. */
+[[nodiscard]] double endOfSweep(const Scan& scan);
+
+/** Moves every point into the body frame at the end of the sweep, for a car at constant speed and yaw rate over the
+ * sweep: p_end = T_end_t * T_body_lidar * p_lidar(t). A scan without point times is taken as it is (already
+ * compensated by its source). Points outside `crop` are dropped.
+ * \throws InputError naming the label if a point time is outside [0, 1] s: such times are not seconds since the stamp. */
+[[nodiscard]] DeskewedScan deskew(const Scan& scan, double speed_mps, double yaw_rate_rps, const CropOptions& crop);
+
+}  // namespace raceloc

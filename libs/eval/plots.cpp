@@ -1,0 +1,277 @@
+#include "eval/plots.h"
+
+#include <fcntl.h>
+#include <spawn.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <cerrno>
+#include <cmath>
+#include <cstdio>
+#include <cstring>
+#include <memory>
+#include <stdexcept>
+#include <vector>
+
+#include "core/errors.h"
+
+namespace raceloc {
+
+namespace {
+
+constexpr std::size_t kBins = 1000;  // of a curve; up to two points each
+constexpr int kWidth_px = 900;
+
+// Okabe and Ito's colours, told apart by the colour-blind too.
+constexpr char kBlue[] = "#0072B2";
+constexpr char kGreen[] = "#009E73";
+constexpr char kVermillion[] = "#D55E00";
+constexpr char kGrey[] = "#CFCFCF";
+
+struct CloseFile {
+  void operator()(std::FILE* file) const { std::fclose(file); }
+};
+using File = std::unique_ptr<std::FILE, CloseFile>;
+
+/** Without a name, gone when closed: nothing to clean up after a kill. */
+File nameless() {
+  File file(std::tmpfile());
+  if (!file)
+    throw InputError(std::string("temporary file: cannot be made (") + std::strerror(errno) +
+                     "); check /tmp");
+  return file;
+}
+
+std::string contents(std::FILE* file) {
+  std::string text;
+  char block[65536];
+  std::rewind(file);
+  for (std::size_t n = 0; (n = std::fread(block, 1, sizeof block, file)) > 0;) text.append(block, n);
+  return text;
+}
+
+std::string gnuplot(const std::string& script) {
+  const File in = nameless();
+  const File out = nameless();
+  const File complaints = nameless();
+  if (std::fwrite(script.data(), 1, script.size(), in.get()) != script.size() || std::fflush(in.get()) != 0)
+    throw InputError(std::string("temporary file: cannot be written (") + std::strerror(errno) +
+                     "); check /tmp");
+  std::rewind(in.get());
+
+  posix_spawn_file_actions_t streams;
+  posix_spawn_file_actions_init(&streams);
+  posix_spawn_file_actions_adddup2(&streams, fileno(in.get()), STDIN_FILENO);
+  posix_spawn_file_actions_adddup2(&streams, fileno(out.get()), STDOUT_FILENO);
+  posix_spawn_file_actions_adddup2(&streams, fileno(complaints.get()), STDERR_FILENO);
+  std::string name = "gnuplot";
+  std::string no_user_settings = "-d";
+  char* arguments[] = {name.data(), no_user_settings.data(), nullptr};
+  pid_t child = 0;
+  const int failed = posix_spawnp(&child, name.c_str(), &streams, nullptr, arguments, environ);
+  posix_spawn_file_actions_destroy(&streams);
+  if (failed == ENOENT)
+    throw InputError("gnuplot: not found, and it draws the pictures; install gnuplot-nox");
+  if (failed != 0)
+    throw InputError(std::string("gnuplot: cannot be started (") + std::strerror(failed) + ")");
+
+  int status = 0;
+  while (waitpid(child, &status, 0) < 0)
+    if (errno != EINTR) throw std::runtime_error(std::string("waitpid: ") + std::strerror(errno));
+  std::string svg = contents(out.get());
+  if (status != 0 || svg.empty()) throw std::runtime_error("gnuplot failed: " + contents(complaints.get()));
+  return svg;
+}
+
+std::string number(double value) {
+  char text[32];
+  std::snprintf(text, sizeof text, "%.10g", value);
+  return text;
+}
+
+/** `name` tells the ids of one picture from those of another in the same page. */
+std::string terminal(const std::string& name, int height_px) {
+  return "set terminal svg size " + std::to_string(kWidth_px) + "," + std::to_string(height_px) + " name '" +
+         name +
+         "' font 'DejaVu Sans,Arial,sans-serif' fontscale 0.95 background 'white' noenhanced\n"
+         "set border lc rgb '#606060'\nset tics nomirror\nset grid lc rgb '#E0E0E0' lt 1 lw 0.7\n"
+         "set format '%.10g'\n";
+}
+
+/** Which samples a curve of at most 2 * kBins points needs: the lowest and the highest of each bin, and both
+ * ends. */
+std::vector<std::size_t> extremes(const std::vector<double>& y) {
+  std::vector<std::size_t> kept;
+  const std::size_t bins = std::min(kBins, y.size());
+  for (std::size_t b = 0; b < bins; ++b) {
+    const auto first = y.begin() + static_cast<std::ptrdiff_t>(b * y.size() / bins);
+    const auto last = y.begin() + static_cast<std::ptrdiff_t>((b + 1) * y.size() / bins);
+    const auto [low, high] = std::minmax_element(first, last);
+    kept.push_back(static_cast<std::size_t>(low - y.begin()));
+    kept.push_back(static_cast<std::size_t>(high - y.begin()));
+  }
+  kept.push_back(0);
+  kept.push_back(y.size() - 1);
+  std::sort(kept.begin(), kept.end());
+  kept.erase(std::unique(kept.begin(), kept.end()), kept.end());
+  return kept;
+}
+
+/** Every n-th index, so that at most 2 * kBins remain, and the last. */
+std::vector<std::size_t> thinned(std::size_t size) {
+  std::vector<std::size_t> kept;
+  const std::size_t step = size / (2 * kBins) + 1;
+  for (std::size_t i = 0; i < size; i += step) kept.push_back(i);
+  if (kept.back() != size - 1) kept.push_back(size - 1);
+  return kept;
+}
+
+/** Numbers the stretches that a line may connect: a new one starts at each index that `breaks`. */
+template <class Breaks>
+std::vector<int> stretches(std::size_t size, Breaks breaks) {
+  std::vector<int> stretch(size, 0);
+  for (std::size_t i = 1; i < size; ++i) stretch[i] = stretch[i - 1] + (breaks(i) ? 1 : 0);
+  return stretch;
+}
+
+/** The estimate breaks where poses are unmatched, or missing for three times their usual interval. */
+std::vector<int> stretchesOf(const std::vector<PoseError>& poses) {
+  const auto interval_s = [&](std::size_t i) { return poses[i].stamp_s - poses[i - 1].stamp_s; };
+  std::vector<double> intervals_s;
+  for (std::size_t i = 1; i < poses.size(); ++i) intervals_s.push_back(interval_s(i));
+  const double usual_s = intervals_s.empty() ? 0 : statisticsOf(intervals_s).median;
+  return stretches(poses.size(), [&](std::size_t i) {
+    return poses[i].estimate_index != poses[i - 1].estimate_index + 1 || interval_s(i) > 3 * usual_s;
+  });
+}
+
+std::string curveOverTime(const std::vector<PoseError>& poses, double PoseError::*error) {
+  std::vector<double> y;
+  y.reserve(poses.size());
+  for (const auto& pose : poses) y.push_back(pose.*error);
+  const std::vector<int> stretch = stretchesOf(poses);
+  std::string text;
+  std::size_t before = 0;
+  for (const std::size_t i : extremes(y)) {
+    if (stretch[i] != stretch[before]) text += "\n";
+    text += number(poses[i].stamp_s - poses.front().stamp_s) + " " + number(y[i]) + "\n";
+    before = i;
+  }
+  return text;
+}
+
+}  // namespace
+
+std::string trajectoryPicture(const Evaluation& evaluation) {
+  const auto& truth = evaluation.truth.trajectory.poses;
+  const auto& poses = evaluation.poses;
+  Eigen::AlignedBox2d box;
+  std::string script = "$truth << EOD\n";
+  const std::vector<int> truth_stretch = stretches(truth.size(), [&](std::size_t i) {
+    return truth[i].stamp_s - truth[i - 1].stamp_s > evaluation.options.max_gap_s;
+  });
+  std::size_t before = 0;
+  for (const std::size_t i : thinned(truth.size())) {
+    if (truth_stretch[i] != truth_stretch[before]) script += "\n";
+    before = i;
+    const Eigen::Vector3d p_m = truth[i].T_map_body.translation();
+    box.extend(p_m.head<2>());
+    script += number(p_m.x()) + " " + number(p_m.y()) + "\n";
+  }
+  script += "EOD\n$estimate << EOD\n";
+  const std::vector<int> stretch = stretchesOf(poses);
+  before = 0;
+  double largest_m = 0;
+  for (const std::size_t i : thinned(poses.size())) {
+    const Eigen::Vector3d p_m = poses[i].T_map_estimate.translation();
+    box.extend(p_m.head<2>());
+    largest_m = std::max(largest_m, poses[i].position_plane_m);
+    if (stretch[i] != stretch[before]) script += "\n";
+    script += number(p_m.x()) + " " + number(p_m.y()) + " " + number(poses[i].position_plane_m) + "\n";
+    before = i;
+  }
+  const Eigen::Vector3d start_m = truth.front().T_map_body.translation();
+  script += "EOD\n$start << EOD\n" + number(start_m.x()) + " " + number(start_m.y()) + "\nEOD\n";
+
+  // Equal axes: the height follows the shape of the track, within what a page can show.
+  const Eigen::Vector2d size_m = box.sizes().cwiseMax(1.0);
+  const int height_px =
+      std::clamp(static_cast<int>(kWidth_px * 0.8 * size_m.y() / size_m.x()) + 120, 320, 900);
+  const Eigen::Vector2d margin_m = Eigen::Vector2d::Constant(0.05 * size_m.maxCoeff());
+  const Eigen::Vector2d low_m = box.min() - margin_m;
+  const Eigen::Vector2d high_m = box.max() + margin_m;
+  script += terminal("trajectory", height_px);
+  script += "set size ratio -1\nset xrange [" + number(low_m.x()) + ":" + number(high_m.x()) +
+            "]\nset yrange [" + number(low_m.y()) + ":" + number(high_m.y()) + "]\n";
+  script += std::string("set palette defined (0 '") + kBlue + "', 0.5 '#B07AA1', 1 '" + kVermillion + "')\n" +
+            "set cbrange [0:" + number(std::max(largest_m, 1e-3)) + "]\n";
+  script +=
+      "set xlabel 'x [m]'\nset ylabel 'y [m]'\nset cblabel 'error in the plane [m]'\n"
+      "set key outside top left horizontal Left reverse samplen 2\n";
+  script += std::string("plot $truth using 1:2 with lines lw 6 lc rgb '") + kGrey +
+            "' title 'truth', $estimate using 1:2:3 with lines lw 2 lc palette title 'estimate', "
+            "$start using 1:2 with points pt 6 ps 1.2 lw 1.5 lc rgb 'black' title 'start'\n";
+  return gnuplot(script);
+}
+
+std::string errorPicture(const Evaluation& evaluation) {
+  struct Panel {
+    const char* label;
+    double PoseError::*error;
+    const char* colour;
+  };
+  const Panel panels[] = {{"lateral [m]", &PoseError::lateral_m, kBlue},
+                          {"longitudinal [m]", &PoseError::longitudinal_m, kVermillion},
+                          {"height [m]", &PoseError::height_m, kGreen},
+                          {"heading [deg]", &PoseError::heading_deg, "black"}};
+  std::string script =
+      terminal("errors", 760) + "set xrange [0:" + number(std::max(evaluation.coveredTruth_s(), 1e-3)) +
+      "]\nset multiplot layout 4,1 margins 0.10,0.98,0.07,0.98 spacing 0.03\n"
+      "set xzeroaxis lt 1 lc rgb '#606060' lw 0.8\nunset key\nset format x ''\nset yrange [*<-0.01:0.01<*]\n";
+  for (const Panel& panel : panels) {
+    if (&panel == std::end(panels) - 1)
+      script += "set format x '%.10g'\nset xlabel 'time since the first match [s]'\n";
+    script += std::string("set label 1 '") + panel.label +
+              "' at graph -0.085,0.5 center rotate\n$curve << EOD\n" +
+              curveOverTime(evaluation.poses, panel.error) +
+              "EOD\nplot $curve using 1:2 with lines lw 1.2 lc rgb '" + panel.colour + "'\n";
+  }
+  return gnuplot(script + "unset multiplot\n");
+}
+
+std::string distributionPicture(const Evaluation& evaluation) {
+  struct Curve {
+    const char* name;
+    double PoseError::*error;
+    int dash;
+    const char* colour;
+  };
+  const Curve curves[] = {{"in the plane", &PoseError::position_plane_m, 1, "black"},
+                          {"lateral", &PoseError::lateral_m, 1, kBlue},
+                          {"longitudinal", &PoseError::longitudinal_m, 2, kVermillion},
+                          {"height", &PoseError::height_m, 4, kGreen}};
+  std::string script;
+  std::string plots;
+  for (const Curve& curve : curves) {
+    std::vector<double> errors_m;
+    for (const auto& pose : evaluation.poses) errors_m.push_back(std::abs(pose.*curve.error));
+    std::sort(errors_m.begin(), errors_m.end());
+    const std::string block = "$curve" + std::to_string(&curve - curves);
+    script += block + " << EOD\n" + number(errors_m.front()) + " 0\n";
+    for (const std::size_t i : thinned(errors_m.size()))
+      script += number(errors_m[i]) + " " +
+                number(100 * static_cast<double>(i + 1) / static_cast<double>(errors_m.size())) + "\n";
+    script += "EOD\n";
+    plots += (plots.empty() ? "plot " : ", ") + block + " using 1:2 with steps lw 1.5 dt " +
+             std::to_string(curve.dash) + " lc rgb '" + curve.colour + "' title '" + curve.name + "'";
+  }
+  script += terminal("distribution", 400);
+  script +=
+      "set xrange [0:*]\nset yrange [0:100]\nset ytics (0, 25, 50, 75, 95, 100)\n"
+      "set xlabel 'size of the error [m]'\nset ylabel 'poses below [%]'\nset key bottom right Left reverse "
+      "samplen 3\n";
+  return gnuplot(script + plots + "\n");
+}
+
+}  // namespace raceloc

@@ -1,0 +1,175 @@
+#include "fusion/fusion_filter.h"
+
+#include <Eigen/Eigenvalues>
+#include <cmath>
+#include <stdexcept>
+#include <utility>
+
+#include "core/types.h"
+#include "fusion/measurement.h"
+
+namespace raceloc {
+
+namespace {
+
+void requireSound(const CarState& start) {
+  if (!start.mean.allFinite() || !start.covariance.allFinite())
+    throw std::invalid_argument("FusionFilter: the start is not finite");
+  const Eigen::Matrix4d& P = start.covariance;
+  const double rounding = 1e-9 * P.cwiseAbs().maxCoeff();
+  if ((P - P.transpose()).cwiseAbs().maxCoeff() > rounding)
+    throw std::invalid_argument("FusionFilter: the start's covariance is not symmetric");
+  if (Eigen::SelfAdjointEigenSolver<Eigen::Matrix4d>(P, Eigen::EigenvaluesOnly).eigenvalues().minCoeff() <
+      -rounding)
+    throw std::invalid_argument("FusionFilter: the start's covariance is not positive semidefinite");
+}
+
+void requireOrdered(const GateOptions& options) {
+  if (options.epsilon_m > options.delta_m)
+    throw InputError("section [gate]: epsilon_m = " + std::to_string(options.epsilon_m) +
+                     ", but it must be at most delta_m = " + std::to_string(options.delta_m));
+  if (options.epsilon_false_alarm < options.delta_false_alarm)
+    throw InputError(
+        "section [gate]: epsilon_false_alarm = " + std::to_string(options.epsilon_false_alarm) +
+        ", but it must be at least delta_false_alarm = " + std::to_string(options.delta_false_alarm));
+}
+
+}  // namespace
+
+void FusionOptions::describe(OptionList& keys) {
+  keys.add("speed_sigma_mps", speed_sigma_mps, above(0),
+           "error of the speed, averaged over one second [m/s]");
+  keys.add("yaw_rate_sigma_rps", yaw_rate_sigma_rps, above(0),
+           "error of the yaw rate, averaged over one second [rad/s]");
+  keys.add("bias_sigma_rad", bias_sigma_rad, atLeast(0),
+           "angle from heading to course: how large it gets [rad]");
+  keys.add("bias_time_s", bias_time_s, above(0),
+           "angle from heading to course: how long it stays the same [s]");
+  keys.add("start_position_sigma_m", start_position_sigma_m, above(0), "of the first state [m]");
+  keys.add("start_heading_sigma_rad", start_heading_sigma_rad, above(0), "of the first state [rad]");
+}
+
+CarState startState(const Eigen::Vector2d& p_map_m, double heading_rad, const FusionOptions& options) {
+  const Eigen::Vector4d sigma(options.start_position_sigma_m, options.start_position_sigma_m,
+                              options.start_heading_sigma_rad, options.bias_sigma_rad);
+  return {{p_map_m.x(), p_map_m.y(), wrapAngle(heading_rad), 0}, sigma.cwiseAbs2().asDiagonal()};
+}
+
+FusionFilter::FusionFilter(const CarState& start, const FusionOptions& options,
+                           const GateOptions& gate_options)
+    : x_options(options), x_gate_options(gate_options) {
+  requireSound(start);
+  requireOrdered(gate_options);
+  KF_options.method = mrpt::bayes::kfEKFNaive;
+  m_xkk.resize(4);
+  m_pkk.setSize(4, 4);
+  m_xkk.asEigen() = start.mean;
+  m_pkk.asEigen() = start.covariance;
+  OnNormalizeStateVector();
+}
+
+void FusionFilter::predict(double duration_s, double speed_mps, double yaw_rate_rps) {
+  if (!(duration_s >= 0 && std::isfinite(duration_s) && std::isfinite(speed_mps) &&
+        std::isfinite(yaw_rate_rps)))
+    throw std::invalid_argument("FusionFilter: duration must be >= 0, speed and yaw rate finite");
+  x_step = {duration_s, speed_mps, yaw_rate_rps};
+  x_fix.reset();
+  runOneKalmanIteration();
+}
+
+GateDecision FusionFilter::correct(const std::vector<PoseFix>& fixes) {
+  GateResult result = gate(state(), fixes, x_gate_options);
+  if (result.fused) {
+    x_fix = std::move(result.fused);
+    runOneKalmanIteration();
+  }
+  return result.decision;
+}
+
+CarState FusionFilter::state() const { return {m_xkk.asEigen(), m_pkk.asEigen()}; }
+
+double FusionFilter::courseMidway() const {
+  return m_xkk[2] + m_xkk[3] + 0.5 * x_step.duration_s * x_step.yaw_rate_rps;
+}
+
+double FusionFilter::biasKept() const { return std::exp(-x_step.duration_s / x_options.bias_time_s); }
+
+void FusionFilter::OnGetAction(KFArray_ACT& u) const {
+  u[0] = x_step.speed_mps;
+  u[1] = x_step.yaw_rate_rps;
+}
+
+void FusionFilter::OnTransitionModel(const KFArray_ACT& u, KFArray_VEH& x, bool& skip) const {
+  skip = x_fix.has_value();
+  if (skip) return;
+  const double T = x_step.duration_s, course_rad = x[2] + x[3] + 0.5 * T * u[1];
+  x[0] += T * u[0] * std::cos(course_rad);
+  x[1] += T * u[0] * std::sin(course_rad);
+  x[2] += T * u[1];
+  x[3] *= biasKept();
+}
+
+void FusionFilter::OnTransitionJacobian(KFMatrix_VxV& F) const {
+  const double length_m = x_step.duration_s * x_step.speed_mps, course_rad = courseMidway();
+  F.setIdentity();
+  F(0, 2) = F(0, 3) = -length_m * std::sin(course_rad);
+  F(1, 2) = F(1, 3) = length_m * std::cos(course_rad);
+  F(3, 3) = biasKept();
+}
+
+void FusionFilter::OnTransitionNoise(KFMatrix_VxV& Q) const {
+  const double T = x_step.duration_s, v = x_step.speed_mps;
+  const double c = std::cos(courseMidway()), s = std::sin(courseMidway());
+  // Columns: distance and turn by the control, which is off by sigma sqrt(T) in each.
+  Eigen::Matrix<double, 4, 2> G;
+  G << c, -0.5 * T * v * s,  //
+      s, 0.5 * T * v * c,    //
+      0, 1,                  //
+      0, 0;
+  const Eigen::Vector2d variance =
+      T * Eigen::Vector2d(x_options.speed_sigma_mps, x_options.yaw_rate_sigma_rps).cwiseAbs2();
+  Q.asEigen() = G * variance.asDiagonal() * G.transpose();
+  Q(3, 3) = std::pow(x_options.bias_sigma_rad, 2) * -std::expm1(-2 * T / x_options.bias_time_s);
+}
+
+void FusionFilter::OnGetObservationNoise(KFMatrix_OxO& R) const {
+  if (x_fix)
+    R.asEigen() = noiseOf(*x_fix);
+  else
+    R.setIdentity();
+}
+
+void FusionFilter::OnGetObservationsAndDataAssociation(vector_KFArray_OBS& z, std::vector<int>& association,
+                                                       const vector_KFArray_OBS& /*predictions*/,
+                                                       const KFMatrix& /*S*/,
+                                                       const std::vector<size_t>& /*indices*/,
+                                                       const KFMatrix_OxO& /*R*/) {
+  z.clear();
+  association.clear();
+  if (!x_fix) return;
+  z.emplace_back();
+  z.back().asEigen() = readingOf(*x_fix);
+}
+
+void FusionFilter::OnObservationModel(const std::vector<size_t>& /*indices*/,
+                                      vector_KFArray_OBS& predictions) const {
+  predictions.resize(1);
+  predictions[0].asEigen() = observationMatrix(x_fix ? x_fix->heading : HeadingKind::none) * m_xkk.asEigen();
+}
+
+void FusionFilter::OnObservationJacobians(size_t /*index*/, KFMatrix_OxV& Hx, KFMatrix_OxF& /*Hy*/) const {
+  Hx.asEigen() = observationMatrix(x_fix ? x_fix->heading : HeadingKind::none);
+}
+
+void FusionFilter::OnSubstractObservationVectors(KFArray_OBS& reading, const KFArray_OBS& predicted) const {
+  reading.asEigen() = innovation(reading.asEigen(), predicted.asEigen());
+}
+
+void FusionFilter::OnNormalizeStateVector() { m_xkk[2] = wrapAngle(m_xkk[2]); }
+
+void FusionFilter::OnPostIteration() {
+  const Eigen::Matrix4d P = m_pkk.asEigen();
+  m_pkk.asEigen() = 0.5 * (P + P.transpose());
+}
+
+}  // namespace raceloc

@@ -1,0 +1,59 @@
+/** \file
+ * What goes into the fusion filter, what comes out, and what the gate said of it. */
+#pragma once
+
+#include <Eigen/Core>
+#include <string>
+#include <vector>
+
+namespace raceloc {
+
+/** What a source's heading measures. */
+enum class HeadingKind {
+  none,    ///< position only: no heading, or a GPS below walking speed
+  body,    ///< theta: dual antenna, INS, scan match
+  course,  ///< theta + b, the direction of motion: single antenna
+};
+
+/** One pose source's measurement of the body at the time of the decision, map frame. */
+struct PoseFix {
+  std::string source;        ///< label; a decision sees each label once
+  Eigen::Vector2d p_map_m;   ///< rear axle
+  Eigen::Matrix2d cov_p_m2;  ///< symmetric positive definite
+  HeadingKind heading = HeadingKind::none;
+  double heading_rad = 0;        ///< 0 = east, counter-clockwise; read unless heading is `none`
+  double heading_sigma_rad = 0;  ///< > 0 unless heading is `none`
+};
+
+/** State of the filter: x, y [m] in the map, theta [rad] heading of the body in [-pi, pi), b [rad] the angle
+ * from heading to course (side-slip and mounting error), so that motion goes along theta + b. */
+struct CarState {
+  Eigen::Vector4d mean;        ///< x y theta b
+  Eigen::Matrix4d covariance;  ///< of it, symmetric
+};
+
+/** The four cases of eq_conditional_measure. */
+enum class GateRule {
+  primary = 1,        ///< all within epsilon: the first in the configured order
+  weighted = 2,       ///< all within delta: weighted sum
+  rejected_some = 3,  ///< some beyond delta: rule 1 or 2 among the others
+  rejected_all = 4,   ///< all beyond delta: no correction, alarm
+};
+
+/** What the gate held against one source. */
+struct SourceVerdict {
+  std::string source;
+  double delta;    ///< Delta_k: [m] for GateMetric::metric, normalised innovation squared for chi2
+  double limit;    ///< accepted up to here, in the unit of delta
+  double p_theta;  ///< p(Theta_k | x), eq_sigmoid_mahala: 0.5 for delta = 0, falling to 0
+  double weight;  ///< its share in the correction; those of all sources add up to 1, or to 0 for rejected_all
+  bool accepted;
+};
+
+struct GateDecision {
+  GateRule rule;
+  std::vector<SourceVerdict> sources;  ///< in the order of the fixes
+  bool alarm;                          ///< nothing could be believed: the car dead-reckons
+};
+
+}  // namespace raceloc

@@ -1,0 +1,23 @@
+/** \file
+ * The measurement model y = H x + noise that gate and filter share (H of eq_kalman_basic; reading of the
+ * paper: the state is that of the measurement's own time). A source without heading keeps its third row,
+ * emptied: H's row is zero, the measurement is 0 and its variance 1, which equals the smaller update exactly.
+ */
+#pragma once
+
+#include <Eigen/Core>
+
+#include "fusion/fusion_types.h"
+
+namespace raceloc {
+
+/** H, 3x4: x, y and theta (`body`), theta + b (`course`) or nothing (`none`) out of [x y theta b]. */
+[[nodiscard]] Eigen::Matrix<double, 3, 4> observationMatrix(HeadingKind heading);
+/** y_k = [x y heading] [m, m, rad]. */
+[[nodiscard]] Eigen::Vector3d readingOf(const PoseFix& fix);
+/** R_k, 3x3 [m^2, rad^2]. */
+[[nodiscard]] Eigen::Matrix3d noiseOf(const PoseFix& fix);
+/** reading - predicted, its angle wrapped into [-pi, pi). */
+[[nodiscard]] Eigen::Vector3d innovation(const Eigen::Vector3d& reading, const Eigen::Vector3d& predicted);
+
+}  // namespace raceloc

@@ -1,0 +1,76 @@
+#include "odometry/liv_odometry.h"
+
+#include <stdexcept>
+#include <utility>
+
+#include "cloud/voxel_grid.h"
+
+namespace raceloc {
+
+void OdometryOptions::describe(OptionList& keys) {
+  keys.add("scan_voxel_m", scan_voxel_m, above(0), "scans are thinned to one point a voxel of this edge [m]");
+  keys.add("local_map_radius_m", local_map_radius_m, above(0), "the local map reaches this far from the car [m]");
+}
+
+LivOdometry::LivOdometry(gpu::Context& context, const OdometryOptions& options, const CropOptions& crop,
+                         const CovarianceOptions& covariance, const GicpOptions& gicp)
+    : x_context(context),
+      x_options(options),
+      x_crop(crop),
+      x_covariance(covariance),
+      x_gicp(gicp),
+      x_local_map(context, gicp.voxel_size_m) {}
+
+namespace {
+
+/** Twist of a motion: for the next one when the wheels say nothing. */
+Vector6d velocityOf(const BodyMotion& motion) {
+  return motion.duration_s > 0 ? Vector6d(se3Log(motion.T_start_end) / motion.duration_s) : Vector6d(Vector6d::Zero());
+}
+
+}  // namespace
+
+MotionHistory::Rates LivOdometry::ratesOf(const Scan& scan, const MotionHistory& history, bool& by_wheels) const {
+  const auto rates = history.ratesBetween(scan.stamp_s, endOfSweep(scan));
+  by_wheels = rates.has_value();
+  if (rates) return *rates;
+  const Vector6d velocity = velocityOf(x_last_motion);
+  return {velocity(3), velocity(2)};
+}
+
+OdometryStep LivOdometry::add(const Scan& scan, const MotionHistory& history) {
+  OdometryStep step{};
+  const auto rates = ratesOf(scan, history, step.by_wheels);
+  DeskewedScan deskewed = deskew(scan, rates.speed_mps, rates.yaw_rate_rps, x_crop);
+  step.stamp_s = deskewed.stamp_s;
+  if (x_last_stamp_s && step.stamp_s <= *x_last_stamp_s)
+    throw std::invalid_argument("LivOdometry: scans must come in order of time");
+
+  step.scan = withCovariances(x_context, voxelGrid(x_context, deskewed.cloud, x_options.scan_voxel_m), x_covariance);
+  step.full_scan = std::move(deskewed.cloud);
+  step.match.T_target_source = Pose::Identity();
+  step.trusted = true;
+  if (x_last_stamp_s) {
+    const double duration_s = step.stamp_s - *x_last_stamp_s;
+    const auto wheels = history.between(*x_last_stamp_s, step.stamp_s);
+    const Pose T_last_guess = wheels ? wheels->T_start_end : se3Exp(velocityOf(x_last_motion) * duration_s);
+    step.match = align(x_context, step.scan, x_local_map, x_T_odom_body * T_last_guess, x_gicp);
+    step.trusted = step.match.trusted(x_gicp);
+    const Pose T_odom_body = step.trusted ? step.match.T_target_source : x_T_odom_body * T_last_guess;
+    step.since_last = {duration_s, x_T_odom_body.inverse() * T_odom_body, step.match.covariance};
+    if (!step.trusted && wheels) step.since_last.covariance = wheels->covariance;
+    x_T_odom_body = T_odom_body;
+    x_last_motion = step.since_last;
+  }
+  step.T_odom_body = x_T_odom_body;
+  x_last_stamp_s = step.stamp_s;
+
+  if (step.trusted) {  // a scan at a doubtful pose would spoil the map for those that follow
+    x_local_map.insert(viewOf(step.scan.cloud), step.scan.covariances.view(), toTransform(x_T_odom_body));
+    const Eigen::Vector3d p = x_T_odom_body.translation();
+    x_local_map.keepWithin({p.x(), p.y(), p.z()}, x_options.local_map_radius_m);
+  }
+  return step;
+}
+
+}  // namespace raceloc

@@ -1,0 +1,61 @@
+/** \file
+ * LiDAR odometry with the car's own motion as first guess: scan against a local map of voxel Gaussians. */
+#pragma once
+
+#include <raceloc/gpu/voxel_map.h>
+
+#include <optional>
+
+#include "cloud/crop.h"
+#include "cloud/deskew.h"
+#include "odometry/motion_history.h"
+#include "registration/align.h"
+
+namespace raceloc {
+
+/** Section [odometry]. */
+struct OdometryOptions {
+  double scan_voxel_m = 0.5;
+  double local_map_radius_m = 100;
+  void describe(OptionList& keys);
+};
+
+/** What one scan gave. */
+struct OdometryStep {
+  double stamp_s;        ///< end of the sweep
+  Pose T_odom_body;      ///< `odom`: the body's frame at the first scan
+  BodyMotion since_last; ///< measured motion since the scan before; zero duration at the first scan
+  Registration match;    ///< against the local map; at the first scan of a track: identity, nothing matched
+  bool trusted;          ///< false: the pose is dead reckoning alone
+  bool by_wheels;        ///< guess and de-skew from speed and yaw rate; false: from the motion between the last scans
+  CovarianceCloud scan;  ///< body frame at stamp_s, de-skewed, cropped, thinned
+  Cloud full_scan;       ///< body frame at stamp_s, de-skewed and cropped, not thinned
+};
+
+class LivOdometry {
+ public:
+  LivOdometry(gpu::Context& context, const OdometryOptions& options, const CropOptions& crop,
+              const CovarianceOptions& covariance, const GicpOptions& gicp);
+
+  /** The next scan, later than the one before. `history` must reach to the end of its sweep to be of use; without it
+   * the motion between the last two scans goes on.
+   * \throws std::invalid_argument if the scan's end is not later than the last one's. */
+  OdometryStep add(const Scan& scan, const MotionHistory& history);
+
+  [[nodiscard]] std::size_t localMapVoxels() const { return x_local_map.size(); }
+
+ private:
+  [[nodiscard]] MotionHistory::Rates ratesOf(const Scan& scan, const MotionHistory& history, bool& by_wheels) const;
+
+  gpu::Context& x_context;
+  OdometryOptions x_options;
+  CropOptions x_crop;
+  CovarianceOptions x_covariance;
+  GicpOptions x_gicp;
+  gpu::VoxelMap x_local_map;
+  std::optional<double> x_last_stamp_s;
+  Pose x_T_odom_body = Pose::Identity();
+  BodyMotion x_last_motion;
+};
+
+}  // namespace raceloc

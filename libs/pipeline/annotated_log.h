@@ -1,0 +1,34 @@
+/** \file
+ * The rawlog that raceloc-live writes: what came in, and beside it what was made of it, in stock MRPT classes. */
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "pipeline/localizer.h"
+#include "sensors/rawlog.h"
+
+namespace raceloc {
+
+/** | label           | class                 | what                                                                    |
+ *  |-----------------|-----------------------|-------------------------------------------------------------------------|
+ *  | estimate        | CObservationOdometry  | planar pose: the only odometry, so RawLogViewer's "Map from odometry" draws it |
+ *  | estimate_pose   | CObservationRobotPose | T_map_body with its 6x6 covariance                                      |
+ *  | gate            | CObservationRawDAQ    | AIN_double: rule (0: dead reckoning, 1..4), alarm, then for each source five values: Delta, limit, p(Theta|x), weight, accepted; -1 where a source had no say |
+ *  | (none)          | CObservation3DScene   | at each sweep: car, scan, sources with 3-sigma ellipses, verdicts as text |
+ * The sources' order stands in the header. Samples go in as they came, but speed and steering as CObservationRawDAQ. */
+class AnnotatedLog {
+ public:
+  /** \param sources  labels that may appear in decisions, in the order of the columns
+   * \throws InputError if the file cannot be written. */
+  AnnotatedLog(const std::string& path, const GeodeticPoint& origin, std::vector<std::string> sources);
+  void write(const Sample& sample);
+  void write(const LocalizerOutput& output);
+  void commit() { x_writer.commit(); }
+
+ private:
+  std::vector<std::string> x_sources;
+  LogWriter x_writer;
+};
+
+}  // namespace raceloc

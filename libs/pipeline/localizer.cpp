@@ -1,0 +1,247 @@
+#include "pipeline/localizer.h"
+
+#include <algorithm>
+#include <cmath>
+#include <utility>
+
+#include "cloud/deskew.h"
+#include "cloud/voxel_grid.h"
+
+namespace raceloc {
+
+namespace {
+
+constexpr char kScanMatch[] = "scan_match";
+
+/** The same pose with another planar part: heading turned about the map's vertical, roll and pitch kept. */
+Pose withPlanar(const Pose& T, double x_m, double y_m, double theta_rad) {
+  Pose out = T;
+  out.linear() = Eigen::AngleAxisd(wrapAngle(theta_rad - yawOf(T)), Eigen::Vector3d::UnitZ()) * T.linear();
+  out.translation().x() = x_m;
+  out.translation().y() = y_m;
+  return out;
+}
+
+/** Raises a covariance to a floor: no receiver is believed to be better than sigma on any axis. */
+Eigen::Matrix2d floored(const Eigen::Matrix2d& covariance, double sigma_m) {
+  return covariance + sigma_m * sigma_m * Eigen::Matrix2d::Identity();
+}
+
+/** A match as a planar fix: the covariance of the right increment, turned into the map. */
+PoseFix planarFix(const Registration& match) {
+  const Eigen::Matrix3d R = match.T_target_source.linear();
+  const Eigen::Matrix3d cov_p = R * match.covariance.bottomRightCorner<3, 3>() * R.transpose();
+  const Eigen::Matrix3d cov_r = R * match.covariance.topLeftCorner<3, 3>() * R.transpose();
+  return {kScanMatch,
+          match.T_target_source.translation().head<2>(),
+          cov_p.topLeftCorner<2, 2>(),
+          HeadingKind::body,
+          yawOf(match.T_target_source),
+          std::sqrt(cov_r(2, 2))};
+}
+
+}  // namespace
+
+void LocalizerPolicy::describe(OptionList& keys) {
+  keys.add("map_radius_m", map_radius_m, above(0), "tiles within this distance of the car are held [m]");
+  keys.add("max_fix_age_s", max_fix_age_s, above(0), "older fixes take no part in a decision [s]");
+  keys.add("match_alive_s", match_alive_s, above(0), "without a trusted match for this long, fixes are decided on alone [s]");
+  keys.add("min_course_speed_mps", min_course_speed_mps, above(0), "slower, two fixes give no course [m/s]");
+  keys.add("course_sigma_deg", course_sigma_deg, above(0), "error of the course between two fixes [deg]");
+  keys.add("gps_min_sigma_m", gps_min_sigma_m, above(0), "no fix is believed to be better than this per axis [m]");
+  keys.add("dead_reckoning_period_s", dead_reckoning_period_s, above(0), "output by dead reckoning when nothing else came [s]");
+}
+
+Localizer::Localizer(gpu::Context& context, const MapFile& map, const LocalizerOptions& options)
+    : x_context(context),
+      x_options(options),
+      x_window(context, map, options.matching.registration.voxel_size_m, options.policy.map_radius_m),
+      x_history(options.matching.motion) {}
+
+std::vector<LocalizerOutput> Localizer::add(const Sample& sample) {
+  std::vector<LocalizerOutput> outputs;
+  std::visit([&](const auto& s) { take(s, outputs); }, sample);
+  while (auto scan = x_queue.pop(x_history, stampOf(sample)))
+    if (started() && endOfSweep(*scan) > x_stamp_s) outputs.push_back(matchScan(*scan));
+  return outputs;
+}
+
+std::vector<LocalizerOutput> Localizer::finish() {
+  std::vector<LocalizerOutput> outputs;
+  while (auto scan = x_queue.popAny())
+    if (started() && endOfSweep(*scan) > x_stamp_s) outputs.push_back(matchScan(*scan));
+  return outputs;
+}
+
+void Localizer::take(const ImuSample& sample, std::vector<LocalizerOutput>& /*outputs*/) { x_history.add(sample); }
+
+void Localizer::take(const InsPose& pose, std::vector<LocalizerOutput>& /*outputs*/) {
+  x_receivers[pose.label].ins = pose;
+}
+
+void Localizer::take(const Scan& scan, std::vector<LocalizerOutput>& /*outputs*/) { x_queue.push(scan); }
+
+void Localizer::take(const MotionSample& sample, std::vector<LocalizerOutput>& outputs) {
+  x_history.add(sample);
+  const bool overdue = started() && x_queue.empty() &&
+                       sample.stamp_s - x_stamp_s >= x_options.policy.dead_reckoning_period_s;
+  if (!overdue) return;
+  predictTo(sample.stamp_s);
+  outputs.push_back(output());
+}
+
+void Localizer::take(const GpsFix& fix, std::vector<LocalizerOutput>& outputs) {
+  Receiver& receiver = x_receivers[fix.label];
+  const auto body = bodyFix(fix, receiver);
+  receiver.previous = fix;
+  if (!started()) {
+    if (body) start(fix, *body);
+    return;
+  }
+  constexpr std::size_t kMostWaiting = 64;  // 0.6 s of a 100 Hz receiver: longer than any sweep waits
+  receiver.unused.push_back({fix.stamp_s, *body});
+  if (receiver.unused.size() > kMostWaiting) receiver.unused.pop_front();
+
+  const bool matching = x_last_match_s && fix.stamp_s - *x_last_match_s < x_options.policy.match_alive_s;
+  if (matching || !x_queue.empty() || fix.stamp_s <= x_stamp_s) return;
+  predictTo(fix.stamp_s);
+  outputs.push_back(decide(fix.stamp_s, takeFixes(), std::nullopt));
+}
+
+std::optional<PoseFix> Localizer::bodyFix(const GpsFix& fix, const Receiver& receiver) const {
+  constexpr double kSameEpoch_s = 0.005;
+  PoseFix body{fix.label, {}, floored(fix.cov_map_m2.topLeftCorner<2, 2>(), x_options.policy.gps_min_sigma_m)};
+  Eigen::Matrix3d R_map_body = x_T_map_body.linear();
+  if (receiver.ins && std::abs(receiver.ins->stamp_s - fix.stamp_s) < kSameEpoch_s) {
+    R_map_body = receiver.ins->T_map_body.linear();
+    body.heading = HeadingKind::body;
+    body.heading_rad = yawOf(receiver.ins->T_map_body);
+    body.heading_sigma_rad = std::sqrt(receiver.ins->covariance(2, 2));
+  } else if (receiver.previous && fix.stamp_s > receiver.previous->stamp_s) {
+    const Eigen::Vector3d moved = fix.p_map_antenna_m - receiver.previous->p_map_antenna_m;
+    const double speed_mps = moved.head<2>().norm() / (fix.stamp_s - receiver.previous->stamp_s);
+    if (speed_mps > x_options.policy.min_course_speed_mps) {
+      body.heading = HeadingKind::course;
+      body.heading_rad = std::atan2(moved.y(), moved.x());
+      body.heading_sigma_rad = x_options.policy.course_sigma_deg * M_PI / 180;
+      if (!started()) R_map_body = poseFromRpy(Eigen::Vector3d::Zero(), 0, 0, body.heading_rad).linear();
+    }
+  }
+  if (!started() && body.heading == HeadingKind::none) return std::nullopt;
+  body.p_map_m = (fix.p_map_antenna_m - R_map_body * fix.p_body_antenna_m).head<2>();
+  return body;
+}
+
+void Localizer::start(const GpsFix& fix, const PoseFix& body) {
+  const Receiver& receiver = x_receivers[fix.label];
+  x_filter.emplace(startState(body.p_map_m, body.heading_rad, x_options.fusion), x_options.fusion, x_options.gate);
+  x_stamp_s = fix.stamp_s;
+  Pose T = poseFromRpy(Eigen::Vector3d::Zero(), 0, 0, body.heading_rad);
+  if (body.heading == HeadingKind::body) T.linear() = receiver.ins->T_map_body.linear();
+  T.translation() = fix.p_map_antenna_m - T.linear() * fix.p_body_antenna_m;
+  x_T_map_body = withPlanar(T, body.p_map_m.x(), body.p_map_m.y(), body.heading_rad);
+}
+
+void Localizer::predictTo(double stamp_s) {
+  if (const auto motion = x_history.between(x_stamp_s, stamp_s)) {
+    constexpr double kStep_s = 0.02;
+    const int steps = static_cast<int>(std::ceil((stamp_s - x_stamp_s) / kStep_s));
+    for (int i = 0; i < steps; ++i) {
+      const double step_s = (stamp_s - x_stamp_s) / steps;
+      const auto rates = x_history.ratesBetween(x_stamp_s + i * step_s, x_stamp_s + (i + 1) * step_s);
+      x_filter->predict(step_s, rates->speed_mps, rates->yaw_rate_rps);
+    }
+    x_T_map_body = x_T_map_body * motion->T_start_end;
+  }
+  x_stamp_s = stamp_s;
+}
+
+std::vector<PoseFix> Localizer::takeFixes() {
+  std::vector<PoseFix> fixes;
+  for (auto& [label, receiver] : x_receivers) {
+    auto& waiting = receiver.unused;
+    while (waiting.size() > 1 && waiting[1].stamp_s <= x_stamp_s) waiting.pop_front();
+    if (waiting.empty() || waiting.front().stamp_s > x_stamp_s) continue;
+    const double stamp_s = waiting.front().stamp_s;
+    PoseFix body = std::move(waiting.front().body);
+    waiting.pop_front();
+    const auto motion = x_history.between(stamp_s, x_stamp_s);
+    if (x_stamp_s - stamp_s > x_options.policy.max_fix_age_s || !motion) continue;
+
+    const double turn_rad = yawOf(motion->T_start_end);
+    const Eigen::Rotation2Dd R_map_then(x_filter->state().mean(2) - turn_rad);
+    body.p_map_m += R_map_then * motion->T_start_end.translation().head<2>();
+    body.cov_p_m2 += R_map_then.toRotationMatrix() * motion->covariance.block<2, 2>(3, 3) *
+                     R_map_then.toRotationMatrix().transpose();
+    body.heading_rad += turn_rad;
+    fixes.push_back(std::move(body));
+  }
+  return fixes;
+}
+
+LocalizerOutput Localizer::matchScan(const Scan& scan) {
+  const double end_s = endOfSweep(scan);
+  const auto rates = x_history.ratesBetween(scan.stamp_s, end_s).value_or(MotionHistory::Rates{0, 0});
+  predictTo(end_s);
+  const DeskewedScan deskewed = deskew(scan, rates.speed_mps, rates.yaw_rate_rps, x_options.matching.crop);
+  const CovarianceCloud source =
+      withCovariances(x_context, voxelGrid(x_context, deskewed.cloud, x_options.matching.odometry.scan_voxel_m),
+                      x_options.matching.covariance);
+
+  std::vector<PoseFix> fixes = takeFixes();
+  std::optional<ScanMatch> scan_match;
+  if (x_window.moveTo(x_T_map_body.translation().head<2>())) {
+    const Registration match =
+        align(x_context, source, x_window.target(), x_T_map_body, x_options.matching.registration);
+    scan_match = ScanMatch{match, match.trusted(x_options.matching.registration), source.cloud};
+    if (scan_match->trusted) fixes.push_back(planarFix(match));
+  }
+  return decide(end_s, std::move(fixes), std::move(scan_match));
+}
+
+LocalizerOutput Localizer::decide(double stamp_s, std::vector<PoseFix> fixes, std::optional<ScanMatch> scan_match) {
+  std::optional<GateDecision> decision;
+  if (!fixes.empty()) decision = x_filter->correct(fixes);
+  const auto believed = [&](const std::string& source) {
+    return decision && std::any_of(decision->sources.begin(), decision->sources.end(), [&](const SourceVerdict& v) {
+             return v.source == source && v.accepted;
+           });
+  };
+  if (believed(kScanMatch)) {
+    x_T_map_body = scan_match->match.T_target_source;
+    x_match_covariance = scan_match->match.covariance;
+    x_last_match_s = stamp_s;
+  }
+  LocalizerOutput out = output();
+  x_T_map_body = out.T_map_body;
+  out.fixes = std::move(fixes);
+  out.decision = std::move(decision);
+  out.scan_match = std::move(scan_match);
+  return out;
+}
+
+LocalizerOutput Localizer::output() const {
+  const CarState state = x_filter->state();
+  const Pose T = withPlanar(x_T_map_body, state.mean(0), state.mean(1), state.mean(2));
+  // Height, roll and pitch have the last match's errors; before the first one, what a start leaves open.
+  constexpr double kUnknownHeight_m = 1.0, kUnknownTilt_rad = 0.1;
+  Matrix6d covariance = x_match_covariance;
+  if (!x_last_match_s) {
+    covariance.diagonal() << std::pow(kUnknownTilt_rad, 2), std::pow(kUnknownTilt_rad, 2), 0, 0, 0,
+        std::pow(kUnknownHeight_m, 2);
+  }
+  const Eigen::Rotation2Dd R_body_map(-state.mean(2));
+  const Eigen::Matrix2d R = R_body_map.toRotationMatrix();
+  covariance.row(2).setZero();
+  covariance.col(2).setZero();
+  covariance.block<2, 6>(3, 0).setZero();
+  covariance.block<6, 2>(0, 3).setZero();
+  covariance(2, 2) = state.covariance(2, 2);
+  covariance.block<2, 2>(3, 3) = R * state.covariance.topLeftCorner<2, 2>() * R.transpose();
+  const Eigen::Vector2d cross = R * state.covariance.block<2, 1>(0, 2);
+  covariance.block<2, 1>(3, 2) = cross;
+  covariance.block<1, 2>(2, 3) = cross.transpose();
+  return {x_stamp_s, T, covariance, {}, std::nullopt, std::nullopt};
+}
+
+}  // namespace raceloc

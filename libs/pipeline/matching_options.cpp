@@ -1,0 +1,28 @@
+#include "pipeline/matching_options.h"
+
+namespace raceloc {
+
+void DeviceOptions::describe(OptionList& keys) {
+  keys.add("device", device,
+           {{"auto", gpu::Backend::automatic}, {"cpu", gpu::Backend::cpu}, {"cuda", gpu::Backend::cuda}},
+           "where the kernels run; auto: on a GPU if one answers");
+}
+
+void MatchingOptions::load(IniFile& ini) {
+  ini.load("log", log);
+  ini.load("device", device);
+  ini.load("crop", crop);
+  ini.load("covariance", covariance);
+  ini.load("registration", registration);
+  ini.load("motion", motion);
+  ini.load("odometry", odometry);
+}
+
+std::string MatchingOptions::iniText() const {
+  return raceloc::iniText("log", log) + "\n" + raceloc::iniText("device", device) + "\n" +
+         raceloc::iniText("crop", crop) + "\n" + raceloc::iniText("covariance", covariance) + "\n" +
+         raceloc::iniText("registration", registration) + "\n" + raceloc::iniText("motion", motion) + "\n" +
+         raceloc::iniText("odometry", odometry);
+}
+
+}  // namespace raceloc

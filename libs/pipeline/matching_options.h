@@ -1,0 +1,38 @@
+/** \file
+ * The sections that mapping and localization have in common: one scan is prepared and matched the same way in both. */
+#pragma once
+
+#include <raceloc/gpu/context.h>
+
+#include <string>
+
+#include "cloud/covariances.h"
+#include "cloud/crop.h"
+#include "core/options.h"
+#include "odometry/liv_odometry.h"
+#include "odometry/motion_history.h"
+#include "registration/gicp_options.h"
+#include "sensors/rawlog.h"
+
+namespace raceloc {
+
+/** Section [device]. */
+struct DeviceOptions {
+  gpu::Backend device = gpu::Backend::automatic;
+  void describe(OptionList& keys);
+};
+
+struct MatchingOptions {
+  LogOptions log;
+  DeviceOptions device;
+  CropOptions crop;
+  CovarianceOptions covariance;
+  GicpOptions registration;
+  MotionOptions motion;
+  OdometryOptions odometry;
+
+  void load(IniFile& ini);
+  [[nodiscard]] std::string iniText() const;
+};
+
+}  // namespace raceloc

@@ -1,0 +1,151 @@
+#include "pipeline/replay.h"
+
+#include <algorithm>
+#include <chrono>
+#include <optional>
+#include <utility>
+
+#include "core/errors.h"
+#include "core/labels.h"
+#include "pipeline/annotated_log.h"
+
+namespace raceloc {
+
+void LiveOptions::describe(OptionList& keys) {
+  keys.add("disable_labels", disable_labels, "sources that are switched off, e.g. gps_*; empty: none");
+  keys.add("disable_after_s", disable_after_s, atLeast(0), "they are heard this long before [s]");
+}
+
+ReplayOptions ReplayOptions::fromIni(const std::string& path) {
+  ReplayOptions options;
+  IniFile ini(path);
+  options.localizer.matching.load(ini);
+  ini.load("fusion", options.localizer.fusion);
+  ini.load("gate", options.localizer.gate);
+  ini.load("localizer", options.localizer.policy);
+  ini.load("live", options.live);
+  ini.rejectUnknownSections();
+  return options;
+}
+
+std::string ReplayOptions::iniText() const {
+  return localizer.matching.iniText() + "\n" + raceloc::iniText("fusion", localizer.fusion) + "\n" +
+         raceloc::iniText("gate", localizer.gate) + "\n" + raceloc::iniText("localizer", localizer.policy) + "\n" +
+         raceloc::iniText("live", live);
+}
+
+namespace {
+
+double quantile(std::vector<double> values, double share) {
+  if (values.empty()) return 0;
+  const auto k = static_cast<std::ptrdiff_t>(share * static_cast<double>(values.size() - 1));
+  std::nth_element(values.begin(), values.begin() + k, values.end());
+  return values[static_cast<std::size_t>(k)];
+}
+
+GeodeticPoint originOf(const MapFile& map, const std::string& path) {
+  if (!map.info().origin)
+    throw InputError("map " + path + ": has no georeference (it was made from a log without GPS); map a log with GPS");
+  return *map.info().origin;
+}
+
+std::vector<std::string> sourcesOf(const LogSummary& summary, const std::string& gps_labels) {
+  std::vector<std::string> sources{"scan_match"};
+  for (const auto& device : summary.devices)
+    if (device.kind == "gps" && matchesLabel(gps_labels, device.label)) sources.push_back(device.label);
+  return sources;
+}
+
+/** Sums up outputs as they come. */
+class Tally {
+ public:
+  explicit Tally(ReplayReport& report) : x_report(report) {}
+  void add(const LocalizerOutput& output) {
+    ++x_report.outputs;
+    x_report.trajectory.poses.push_back({output.stamp_s, output.T_map_body});
+    if (output.decision) {
+      ++x_report.rule_counts[static_cast<int>(output.decision->rule)];
+      if (output.decision->alarm) ++x_report.alarms;
+    } else {
+      ++x_report.dead_reckoned;
+    }
+    if (!output.scan_match) return;
+    ++x_report.scans;
+    if (!output.scan_match->trusted) return;
+    ++x_report.trusted_matches;
+    x_residuals_m.push_back(output.scan_match->match.residual_m);
+    x_shares.push_back(output.scan_match->match.inlier_share);
+    x_iterations.push_back(output.scan_match->match.iterations);
+  }
+  void addTime(double wall_s) { x_times_s.push_back(wall_s); }
+  void finish() {
+    x_report.match_residual_m = quantile(x_residuals_m, 0.5);
+    x_report.match_inlier_share = quantile(x_shares, 0.5);
+    x_report.match_iterations = quantile(x_iterations, 0.5);
+    x_report.match_median_s = quantile(x_times_s, 0.5);
+    x_report.match_p99_s = quantile(x_times_s, 0.99);
+  }
+
+ private:
+  ReplayReport& x_report;
+  std::vector<double> x_residuals_m, x_shares, x_iterations, x_times_s;
+};
+
+}  // namespace
+
+ReplayReport replay(const std::string& log_path, const std::string& map_path, const std::string& output_path,
+                    const ReplayOptions& options, const std::function<void(double)>& progress) {
+  using Clock = std::chrono::steady_clock;
+  const LogOptions& log = options.localizer.matching.log;
+  const MapFile map(map_path);
+  const GeodeticPoint origin = originOf(map, map_path);
+  const LogSummary summary = summarizeRawlog(log_path);
+  requireDevice(summary, "lidar", log.lidar_labels);
+  requireDevice(summary, "gps", log.gps_labels);
+
+  std::optional<AnnotatedLog> annotated;
+  if (!output_path.empty()) annotated.emplace(output_path, origin, sourcesOf(summary, log.gps_labels));
+
+  gpu::Context context(options.localizer.matching.device.device);
+  Localizer localizer(context, map, options.localizer);
+  LogReader reader(log_path, log, origin);
+  ReplayReport report{};
+  report.device_reason = context.reason();
+  report.recorded_s = summary.last_s - summary.first_s;
+  report.trajectory.origin = origin;
+  Tally tally(report);
+
+  const auto hand = [&](const std::vector<LocalizerOutput>& outputs) {
+    for (const auto& output : outputs) {
+      tally.add(output);
+      if (annotated) annotated->write(output);
+    }
+  };
+  while (const auto sample = reader.next()) {
+    progress(reader.progress());
+    const bool disabled = stampOf(*sample) >= summary.first_s + options.live.disable_after_s &&
+                          matchesLabel(options.live.disable_labels, labelOf(*sample));
+    if (disabled) {
+      ++report.disabled_samples;
+      continue;
+    }
+    if (annotated) annotated->write(*sample);
+    const auto before = Clock::now();
+    const auto outputs = localizer.add(*sample);
+    const bool matched = std::any_of(outputs.begin(), outputs.end(), [](const auto& o) { return o.scan_match.has_value(); });
+    if (matched) tally.addTime(std::chrono::duration<double>(Clock::now() - before).count());
+    hand(outputs);
+  }
+  hand(localizer.finish());
+  tally.finish();
+  report.dropped_late = reader.droppedLate();
+  report.tile_loads = localizer.tileLoads();
+  if (!localizer.started())
+    throw InputError("rawlog " + log_path + ": no start: no GPS fix with a heading (from an INS pose, or two fixes at " +
+                     std::to_string(options.localizer.policy.min_course_speed_mps) + " m/s or more) among labels '" +
+                     log.gps_labels + "'");
+  if (annotated) annotated->commit();
+  return report;
+}
+
+}  // namespace raceloc

@@ -1,0 +1,19 @@
+/** \file
+ * Geodetic positions (WGS84) and local map frames: x east, y north, z up about an origin. */
+#pragma once
+
+#include "core/types.h"
+
+namespace raceloc {
+
+/** Position in the map frame of `origin` [m]. */
+[[nodiscard]] Eigen::Vector3d toMap(const GeodeticPoint& point, const GeodeticPoint& origin);
+
+/** Inverse of toMap(): the round trip stays below 0.1 mm within 100 km of the origin, at any latitude. */
+[[nodiscard]] GeodeticPoint fromMap(const Eigen::Vector3d& p_map_m, const GeodeticPoint& origin);
+
+/** T_to_from between the map frames of two origins: p_to = T_to_from * p_from. Exactly the identity when the
+ * origins are equal. */
+[[nodiscard]] Pose mapFromMap(const GeodeticPoint& origin_to, const GeodeticPoint& origin_from);
+
+}  // namespace raceloc

@@ -1,0 +1,154 @@
+/** \file
+ * MRPT rawlogs, read and written as the samples of core/samples.h.
+ *
+ * | sample       | in the rawlog                                                                                    |
+ * |--------------|--------------------------------------------------------------------------------------------------|
+ * | Scan         | see sensors/lidar_conversion.h                                                                   |
+ * | GpsFix       | CObservationGPS: GGA (position, height above the ellipsoid) and BESTPOS (sigmas east, north, up) |
+ * | InsPose      | CObservationRobotPose, label + `_pose`, in the map frame of the header's origin                  |
+ * | ImuSample    | CObservationIMU                                                                                  |
+ * | MotionSample | CObservationOdometry.velocityLocal; with steering, also CObservationRawDAQ {speed, steering}     |
+ *
+ * The header is a CObservationComment with the origin of the map frame as ini text. */
+#pragma once
+
+#include <cstddef>
+#include <map>
+#include <memory>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "core/options.h"
+#include "core/output_file.h"
+#include "core/samples.h"
+#include "sensors/device_tally.h"
+
+namespace mrpt::io {
+class CFileGZOutputStream;
+}
+namespace mrpt::obs {
+class CObservation;
+class CObservationRawDAQ;
+}  // namespace mrpt::obs
+namespace mrpt::serialization {
+class CSerializable;
+}
+
+namespace raceloc {
+
+class RawlogObjects;
+
+/** Section [log]: which devices of a rawlog are used. Shell patterns, several separated by blanks. */
+struct LogOptions {
+  std::string lidar_labels = "*";
+  std::string gps_labels = "*";
+  std::string imu_labels = "*";
+  std::string vehicle_labels = "*";
+  double reorder_window_s = 0.5;
+  void describe(OptionList& keys);
+};
+
+struct LogSummary {
+  std::string path;
+  std::vector<DeviceSummary> devices;   ///< observations that no sample can be made of are of kind `other`
+  std::optional<GeodeticPoint> origin;  ///< of the header, else of the first valid GGA
+  double first_s, last_s;
+};
+
+/** Reads the log once, without decoding points.
+ * \throws InputError if it cannot be read, holds no observation, is truncated or has an unknown class (says after
+ *         how many objects). */
+[[nodiscard]] LogSummary summarizeRawlog(const std::string& path);
+
+/** \param kind one of the kinds of DeviceSummary
+ * \throws InputError "rawlog P: no LiDAR observation labelled L (LiDAR labels in it: a, b)" if `patterns` match no
+ *         label of this kind. */
+void requireDevice(const LogSummary& summary, const std::string& kind, const std::string& patterns);
+
+/** Streams the samples of a log in order of time; equal stamps keep the order of the file.
+ *
+ * Samples wait until one that is `reorder_window_s` younger has been read. One that comes later than that, when a
+ * younger one has already gone out, is dropped and counted, and so is one without a stamp.
+ *
+ * The map frame is that of `map_origin` when given, else of the header's origin, else of the first GGA with a fix
+ * (known only once next() has met it). INS poses are in the frame of the header's origin, and are skipped in a log
+ * without one.
+ *
+ * A fix of quality 0 is skipped. One without BESTPOS sigmas, as in foreign logs, gets by its quality a horizontal
+ * sigma per unit of HDOP (1 when the log has none) of: single or PPS 2.5 m, DGPS 0.8 m, RTK fixed 0.02 m, RTK float
+ * 0.3 m, others 5 m; 1.5 times that vertically. These are usual figures of receivers' data sheets, not of this one. */
+class LogReader {
+ public:
+  /** \throws InputError if the file cannot be read. */
+  LogReader(const std::string& path, const LogOptions& options, std::optional<GeodeticPoint> map_origin = {});
+  ~LogReader();
+  LogReader(const LogReader&) = delete;
+  LogReader& operator=(const LogReader&) = delete;
+
+  /** Empty at the end of the log. \throws InputError as summarizeRawlog() does. */
+  [[nodiscard]] std::optional<Sample> next();
+  [[nodiscard]] std::optional<GeodeticPoint> origin() const { return x_map_origin; }  ///< of the map frame
+  [[nodiscard]] double progress() const;                                              ///< of the file, 0..1
+  [[nodiscard]] std::size_t droppedLate() const { return x_dropped; }
+
+ private:
+  struct Steering {
+    double stamp_s, steering_rad;
+  };
+  [[nodiscard]] bool mayLeave() const;
+  void take(const mrpt::obs::CObservation& observation);
+  void joinSteering(const mrpt::obs::CObservationRawDAQ& daq);
+  [[nodiscard]] std::optional<Sample> decoded(const mrpt::obs::CObservation& observation) const;
+
+  LogOptions x_options;
+  std::unique_ptr<RawlogObjects> x_objects;
+  bool x_at_end = false;
+  std::optional<GeodeticPoint> x_map_origin, x_header_origin;
+  std::multimap<double, Sample> x_waiting;     ///< by stamp
+  std::map<std::string, Steering> x_steering;  ///< the last of each label
+  double x_newest_s, x_last_out_s;
+  std::size_t x_dropped = 0;
+};
+
+struct LogHeader {
+  std::optional<GeodeticPoint> origin;  ///< of the map frame; a log without one holds no GPS fix and no INS pose
+  std::string text;                     ///< goes after it: ini text or comments
+};
+
+/** Writes a rawlog that appears under its name with commit() only. */
+class LogWriter {
+ public:
+  /** \param gzip_level 1 for files, 0 (no compression) for live recording
+   * \throws InputError if the file cannot be written. */
+  LogWriter(const std::string& path, const LogHeader& header, int gzip_level = 1);
+  ~LogWriter();
+  LogWriter(const LogWriter&) = delete;
+  LogWriter& operator=(const LogWriter&) = delete;
+
+  /** Samples in the map frame of the header's origin, in order of time; at one stamp an INS pose goes before its
+   * fix. Of a GPS covariance the sigmas along east, north and up are kept: no message that survives a rawlog holds
+   * the rest.
+   * \throws std::invalid_argument for a GPS fix or INS pose if the header has no origin */
+  void write(const Sample& sample);
+  /** For output logs, where the estimate is the only odometry: RawDAQ {speed_mps, steering_rad (NaN: unknown),
+   * yaw_rate_rps}. */
+  void writeVehicleAsDaq(const MotionSample& sample);
+  void write(const mrpt::serialization::CSerializable& annotation);
+  /** \throws InputError if the disk is full or the file cannot be renamed. */
+  void commit();
+
+ private:
+  [[nodiscard]] const GeodeticPoint& origin() const;
+  void writeSample(const GpsFix& fix);
+  void writeSample(const InsPose& pose);
+  void writeSample(const ImuSample& imu);
+  void writeSample(const MotionSample& motion);
+  void writeSample(const Scan& scan);
+
+  LogHeader x_header;
+  OutputFile x_output;
+  std::unique_ptr<mrpt::io::CFileGZOutputStream> x_file;
+};
+
+}  // namespace raceloc

@@ -1,0 +1,73 @@
+/** \file
+ * Import, map, localization and evaluation on a drive through a made-up street, whose truth is known. */
+#include <gmock/gmock.h>
+
+#include "apps/localize.h"
+
+namespace {
+
+using namespace raceloc::test;
+using ::testing::HasSubstr;
+
+const DriveFiles kDrive("synthetic");
+// The truth's own noise (2 cm east and north, 3 cm up: 0.04 m), as much again in the map through the GPS, and
+// half the spacing of the map's points (0.1 m); nothing else may add up.
+constexpr double kTolerance_m = 0.2;
+
+TEST(SyntheticDrive, IsFollowedFromItsStartToItsEnd) {
+  const TemporaryFolder out;
+  const auto run = localize(kDrive, kDrive.race(), out);
+  EXPECT_LT(run.rmse_m, kTolerance_m);
+  EXPECT_GT(run.match_share, 0.9);
+  EXPECT_GT(run.covered_s,
+            6.5);  // of 8 s, less two sweeps at either end and a start that waits for a heading
+}
+
+TEST(SyntheticDrive, IsFollowedWithoutGps) {
+  const TemporaryFolder out;
+  const auto run = localize(kDrive, kDrive.race(), out, {"--disable", "gps_*"});
+  EXPECT_LT(run.rmse_m, kTolerance_m);
+  EXPECT_GT(run.covered_s, 6.5);
+}
+
+TEST(SyntheticDrive, BadGpsIsRejected) {
+  const TemporaryFolder out, noisy_out;
+  const auto clean = localize(kDrive, kDrive.race(), out);
+  const auto noisy = localize(kDrive, kDrive.noisyRace(), noisy_out);
+  EXPECT_LT(noisy.rmse_m, kTolerance_m);
+  EXPECT_GT(noisy.covered_s, clean.covered_s - 1);
+}
+
+TEST(SyntheticDrive, GivesTheSameBitsTwice) {
+  const TemporaryFolder out, again_out;
+  const auto run = localize(kDrive, kDrive.race(), out), again = localize(kDrive, kDrive.race(), again_out);
+  EXPECT_EQ(run.trajectory, again.trajectory);
+  EXPECT_EQ(readFile(out / "out.rawlog"), readFile(again_out / "out.rawlog"));
+}
+
+TEST(SyntheticDrive, AnnotatedLogOpensInMrpt) {
+  if (runCommand({"rawlog-edit", "--version"}).exit_code != 0)
+    GTEST_SKIP() << "rawlog-edit is not installed (mrpt-apps)";
+  const TemporaryFolder out;
+  (void)localize(kDrive, kDrive.race(), out);
+  const auto info = runCommand({"rawlog-edit", "--info", "-i", out / "out.rawlog"});
+  EXPECT_EQ(info.exit_code, 0) << info.err;
+  for (const std::string kind : {"CObservationPointCloud", "CObservationRobotPose", "CObservationGPS",
+                                 "CObservation3DScene", "CObservationRawDAQ"})
+    EXPECT_THAT(info.out, HasSubstr(kind));
+  EXPECT_THAT(info.out, Not(HasSubstr("CExceptionEOF")));
+}
+
+TEST(SyntheticDrive, ReportIsOnePageWithPictures) {
+  const TemporaryFolder out;
+  const auto eval = runCommand({app("raceloc-eval"), "--truth", kDrive.truth(), "--estimate", kDrive.truth(),
+                                "--report", out / "report.html", "--picture", out / "picture.svg"});
+  ASSERT_EQ(eval.exit_code, 0) << eval.err;
+  EXPECT_THAT(eval.out, HasSubstr("rmse"));
+  const auto page = readFile(out / "report.html");
+  EXPECT_THAT(page, HasSubstr("<svg"));
+  EXPECT_THAT(page, Not(::testing::ContainsRegex("(src|href)=\"http")));
+  EXPECT_THAT(readFile(out / "picture.svg"), HasSubstr("<svg"));
+}
+
+}  // namespace

@@ -1,0 +1,224 @@
+#include <unistd.h>
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <filesystem>
+#include <map>
+#include <optional>
+#include <set>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "map/map_file.h"
+#include "map/tile_query.h"
+#include "map/tiled_map.h"
+#include "support/forall.h"
+
+namespace raceloc {
+namespace {
+
+using test::forAll;
+using test::Random;
+
+struct Sample {
+  Cloud cloud;
+  gpu::Covariances covariances;
+};
+
+Sample randomSample(Random& rnd, int points, double size_m, bool with_intensity) {
+  Sample sample;
+  for (int i = 0; i < points; ++i) {
+    sample.cloud.push(rnd.vectorWithin(size_m).cast<float>());
+    if (with_intensity) sample.cloud.intensity.push_back(static_cast<float>(rnd.uniform(0, 1)));
+    gpu::Covariances& c = sample.covariances;
+    for (std::vector<float>* array : {&c.xx, &c.xy, &c.xz, &c.yy, &c.yz, &c.zz})
+      array->push_back(static_cast<float>(rnd.normal()));
+  }
+  return sample;
+}
+
+MapInfo infoOf(const TiledMap& map, Random& rnd) {
+  std::optional<GeodeticPoint> origin;
+  if (rnd.oneOf({true, false}))
+    origin = GeodeticPoint{rnd.uniform(-90, 90), rnd.uniform(-180, 180), rnd.uniform(-400, 9000)};
+  return {origin,
+          map.tileSize(),
+          rnd.uniform(0, 1),
+          "0.1.0",
+          std::string("[map]\n\0\xC3\xA4", 9),  // a zero byte and UTF-8 come back too
+          {"a", "b"}};
+}
+
+std::vector<KeyPose> keyPoses(Random& rnd, int count) {
+  std::vector<KeyPose> poses;
+  for (int i = 0; i < count; ++i)
+    poses.push_back({rnd.uniform(0, 2e9), rnd.pose(3, 5000), rnd.oneOf({"a", "b"})});
+  return poses;
+}
+
+/** A file of this process that is removed with it. */
+class ScratchFile {
+ public:
+  ScratchFile()
+      : x_path((std::filesystem::temp_directory_path() /
+                ("raceloc_map_law_" + std::to_string(getpid()) + ".rlmap"))
+                   .string()) {}
+  ~ScratchFile() { std::filesystem::remove(x_path); }
+  ScratchFile(const ScratchFile&) = delete;
+  ScratchFile& operator=(const ScratchFile&) = delete;
+  [[nodiscard]] const std::string& path() const { return x_path; }
+
+ private:
+  std::string x_path;
+};
+
+TEST(TiledMapProperty, EveryPointComesBackFromTheTileItIsOn) {
+  forAll(100, [](Random& rnd) {
+    const double tile_size_m = rnd.oneOf({32.0, 1.0, 7.3});
+    Sample sample = randomSample(rnd, 200, 3000, rnd.oneOf({true, false}));
+    for (int i = 0; i < 50; ++i)  // corners of tiles belong to the law
+      sample.cloud.x[static_cast<std::size_t>(i)] = static_cast<float>(rnd.integer(-9, 9) * tile_size_m);
+    TiledMap map(tile_size_m);
+    map.insert(sample.cloud, sample.covariances.view());
+    EXPECT_EQ(map.pointCount(), sample.cloud.size());
+
+    std::map<std::pair<int, int>, std::size_t> next;  // within a tile the order is kept
+    for (std::size_t i = 0; i < sample.cloud.size(); ++i) {
+      const Eigen::Vector3d p_map_m = sample.cloud.point(i).cast<double>();
+      const std::pair index{static_cast<int>(std::floor(p_map_m.x() / tile_size_m)),
+                            static_cast<int>(std::floor(p_map_m.y() / tile_size_m))};
+      ASSERT_EQ(map.tiles().count(index), 1U);
+      const Tile& tile = map.tiles().at(index);
+      const std::size_t at = next[index]++;
+      ASSERT_LT(at, tile.cloud.size());
+      const Eigen::Vector3d back_m = tile.cloud.point(at).cast<double>() +
+                                     Eigen::Vector3d(tile.ix * tile_size_m, tile.iy * tile_size_m, 0);
+      EXPECT_LE((back_m - p_map_m).cwiseAbs().maxCoeff(), 2e-6);  // float at one tile: 32 m * 2^-24
+      EXPECT_GE(tile.cloud.point(at).head<2>().minCoeff(), 0);
+      EXPECT_LE(tile.cloud.point(at).head<2>().maxCoeff(), static_cast<float>(tile_size_m));
+      EXPECT_EQ(tile.covariances.yz[at], sample.covariances.yz[i]);
+      if (!sample.cloud.intensity.empty()) {
+        EXPECT_EQ(tile.cloud.intensity[at], sample.cloud.intensity[i]);
+      }
+    }
+  });
+}
+
+TEST(MapFileProperty, GivesBackEveryBit) {
+  forAll(20, [](Random& rnd) {
+    const ScratchFile scratch;
+    TiledMap map(rnd.oneOf({32.0, 7.3}));
+    const Sample sample = randomSample(rnd, rnd.integer(0, 2000), 100, rnd.oneOf({true, false}));
+    map.insert(sample.cloud, sample.covariances.view());
+    const MapInfo info = infoOf(map, rnd);
+    const auto poses = keyPoses(rnd, rnd.integer(0, 50));
+    saveMap(scratch.path(), map, info, poses);
+
+    const MapFile file(scratch.path());
+    file.verify();
+    ASSERT_EQ(file.info().origin->has_value(), info.origin->has_value());
+    if (info.origin) {
+      EXPECT_EQ(file.info().origin->latitude_deg, info.origin->latitude_deg);
+      EXPECT_EQ(file.info().origin->longitude_deg, info.origin->longitude_deg);
+      EXPECT_EQ(file.info().origin->height_m, info.origin->height_m);
+    }
+    EXPECT_EQ(file.info().tile_size_m, info.tile_size_m);
+    EXPECT_EQ(file.info().point_spacing_m, info.point_spacing_m);
+    EXPECT_EQ(file.info().tool_version, info.tool_version);
+    EXPECT_EQ(file.info().config, info.config);
+    EXPECT_EQ(file.info().sessions, info.sessions);
+    ASSERT_EQ(file.keyPoses().size(), poses.size());
+    for (std::size_t i = 0; i < poses.size(); ++i) {
+      EXPECT_EQ(file.keyPoses()[i].stamp_s, poses[i].stamp_s);
+      EXPECT_EQ(file.keyPoses()[i].session, poses[i].session);
+      EXPECT_EQ(file.keyPoses()[i].T_map_body.matrix(), poses[i].T_map_body.matrix());
+    }
+    ASSERT_EQ(file.tileIndices().size(), map.tiles().size());
+    for (const auto& [index, tile] : map.tiles()) {
+      const auto read = file.tile(index.first, index.second);
+      ASSERT_TRUE(read.has_value());
+      EXPECT_EQ(std::pair(read->ix, read->iy), index);
+      EXPECT_EQ(read->cloud.x, tile.cloud.x);
+      EXPECT_EQ(read->cloud.y, tile.cloud.y);
+      EXPECT_EQ(read->cloud.z, tile.cloud.z);
+      EXPECT_EQ(read->cloud.intensity, tile.cloud.intensity);
+      EXPECT_EQ(read->covariances.xx, tile.covariances.xx);
+      EXPECT_EQ(read->covariances.xy, tile.covariances.xy);
+      EXPECT_EQ(read->covariances.xz, tile.covariances.xz);
+      EXPECT_EQ(read->covariances.yy, tile.covariances.yy);
+      EXPECT_EQ(read->covariances.yz, tile.covariances.yz);
+      EXPECT_EQ(read->covariances.zz, tile.covariances.zz);
+    }
+    EXPECT_FALSE(file.tile(1 << 19, 0).has_value());
+  });
+}
+
+TEST(MapFileProperty, HashDoesNotDependOnTheOrderOfSeparateTiles) {
+  forAll(10, [](Random& rnd) {
+    std::vector<Sample> squares;  // each on a tile of its own
+    for (int i = 0; i < 8; ++i) {
+      Sample square = randomSample(rnd, 50, 15, true);
+      for (float& x : square.cloud.x) x += 16 + 32 * static_cast<float>(i);
+      squares.push_back(square);
+    }
+    Random content(1);
+    const MapInfo info = infoOf(TiledMap(32), content);
+    const auto poses = keyPoses(content, 5);
+    std::set<std::string> hashes;
+    for (int round = 0; round < 3; ++round) {
+      TiledMap map(32);
+      for (const Sample& square : squares) map.insert(square.cloud, square.covariances.view());
+      const ScratchFile scratch;
+      saveMap(scratch.path(), map, info, poses);
+      hashes.insert(MapFile(scratch.path()).contentHash());
+      std::rotate(squares.begin(), squares.begin() + rnd.integer(1, 7), squares.end());
+    }
+    EXPECT_EQ(hashes.size(), 1U);
+  });
+}
+
+TEST(TileWindowProperty, CoversTheRadiusAndRebuildsAtMostOnceInHalfATile) {
+  const double tile_size_m = 16, radius_m = 25, step_m = 1.7;
+  forAll(10, [&](Random& rnd) {
+    const Sample sample = randomSample(rnd, 4000, 150, false);
+    TiledMap map(tile_size_m);
+    map.insert(sample.cloud, sample.covariances.view());
+    const ScratchFile scratch;
+    saveMap(scratch.path(), map, infoOf(map, rnd), {});
+    const MapFile file(scratch.path());
+    gpu::Context context(gpu::Backend::cpu);
+    TileWindow window(context, file, 1, radius_m);
+
+    Eigen::Vector2d p_map_m = rnd.vectorWithin(100).head<2>();
+    double heading_rad = rnd.uniform(-3, 3), driven_m = 0;
+    for (int i = 0; i < 150; ++i) {
+      const bool there = window.moveTo(p_map_m);
+      if (i % 10 == 0) {
+        const gpu::VoxelGaussians held = window.target().contents();
+        std::set<std::array<int, 3>> voxels;
+        for (std::size_t v = 0; v < held.size(); ++v) voxels.insert({held.ix[v], held.iy[v], held.iz[v]});
+        std::size_t near = 0, missing = 0;
+        for (std::size_t k = 0; k < sample.cloud.size(); ++k) {
+          const Eigen::Vector3d q_map_m = sample.cloud.point(k).cast<double>();
+          if ((q_map_m.head<2>() - p_map_m).norm() > radius_m) continue;
+          ++near;
+          const Eigen::Vector3i voxel = q_map_m.array().floor().matrix().cast<int>();
+          missing += voxels.count({voxel.x(), voxel.y(), voxel.z()}) == 0 ? 1 : 0;
+        }
+        EXPECT_LE(missing, 1U);  // a point within 2 um of a voxel's face may change sides by rounding
+        EXPECT_TRUE(there || near == 0);
+      }
+      const double across = 2 * (radius_m + tile_size_m) / tile_size_m + 2;
+      EXPECT_LE(static_cast<double>(window.residentTiles()), across * across);
+      heading_rad += rnd.normal(0.3);
+      p_map_m += step_m * Eigen::Vector2d(std::cos(heading_rad), std::sin(heading_rad));
+      driven_m += step_m;
+    }
+    EXPECT_LE(static_cast<double>(window.rebuilds()), 1 + driven_m / (0.5 * tile_size_m));
+  });
+}
+
+}  // namespace
+}  // namespace raceloc
