@@ -18,7 +18,8 @@ Backend overridden(Backend asked, bool& by_environment) {
   if (name == "auto") return Backend::automatic;
   if (name == "cpu") return Backend::cpu;
   if (name == "cuda") return Backend::cuda;
-  throw std::invalid_argument("RACELOC_BACKEND is '" + std::string(name) + "', but must be auto, cpu or cuda");
+  throw std::invalid_argument("RACELOC_BACKEND is '" + std::string(name) +
+                              "', but must be auto, cpu or cuda");
 }
 
 }  // namespace
@@ -36,7 +37,8 @@ Context::Context(Backend backend, int device) {
       x_backend = makeCudaBackend(device);
       x_reason = x_backend->description() + ": " + who;
       return;
-    case Backend::automatic: break;
+    case Backend::automatic:
+      break;
   }
   try {
     x_backend = makeCudaBackend(device);

@@ -18,9 +18,11 @@ std::unique_ptr<PassRunner> checkedPasses(Context& context, const PointsView& so
   requirePositive("rotation_epsilon_rad", o.rotation_epsilon_rad);
   require(o.neighbour_voxels == 1 || o.neighbour_voxels == 7 || o.neighbour_voxels == 27, "neighbour_voxels",
           o.neighbour_voxels, "1, 7 or 27");
-  require(o.robust_width >= 0 && std::isfinite(o.robust_width), "robust_width", o.robust_width, "finite and >= 0");
+  require(o.robust_width >= 0 && std::isfinite(o.robust_width), "robust_width", o.robust_width,
+          "finite and >= 0");
   requirePositive("max_distance_m", o.max_distance_m);
-  return context.implementation().passes(source, covariances, map.storage().table(), map.storage().mirror(), o);
+  return context.implementation().passes(source, covariances, map.storage().table(), map.storage().mirror(),
+                                         o);
 }
 
 }  // namespace
@@ -30,8 +32,8 @@ Linearization linearize(Context& context, const PointsView& source, const Covari
   return linearization(checkedPasses(context, source, covariances, map, options)->run(T_map_source, true));
 }
 
-Match match(Context& context, const PointsView& source, const CovariancesView& covariances, const VoxelMap& map,
-            const Transform& T_map_source_guess, const MatchOptions& options) {
+Match match(Context& context, const PointsView& source, const CovariancesView& covariances,
+            const VoxelMap& map, const Transform& T_map_source_guess, const MatchOptions& options) {
   return gaussNewton(*checkedPasses(context, source, covariances, map, options), T_map_source_guess, options);
 }
 

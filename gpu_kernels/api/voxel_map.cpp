@@ -17,7 +17,8 @@ VoxelMap& VoxelMap::operator=(VoxelMap&&) noexcept = default;
 std::size_t VoxelMap::insert(const PointsView& points, const CovariancesView& covariances,
                              const Transform& T_map_points) {
   requireSameSize(points, covariances);
-  return x_storage->changed([&](VoxelTable& table) { return table.insert(points, covariances, T_map_points); });
+  return x_storage->changed(
+      [&](VoxelTable& table) { return table.insert(points, covariances, T_map_points); });
 }
 
 std::size_t VoxelMap::keepWithin(const std::array<double, 3>& centre_m, double distance_m) {

@@ -64,7 +64,8 @@ std::size_t VoxelTable::insert(const PointsView& points, const CovariancesView& 
     }
     const std::int32_t record = findOrAdd(cell);
     Accumulator& sum = x_accumulators[static_cast<std::size_t>(record)];
-    sum.offset_m = sum.offset_m + Vec3<double>{p.x - centre(cell.x), p.y - centre(cell.y), p.z - centre(cell.z)};
+    sum.offset_m =
+        sum.offset_m + Vec3<double>{p.x - centre(cell.x), p.y - centre(cell.y), p.z - centre(cell.z)};
     sum.covariance_m2 = sum.covariance_m2 + C;
     ++sum.count;
     if (!sum.touched) touched.push_back(record);
@@ -76,8 +77,9 @@ std::size_t VoxelTable::insert(const PointsView& points, const CovariancesView& 
     const auto n = static_cast<double>(sum.count);
     const auto mean = [n](double total) { return static_cast<float>(total / n); };
     record.offset_m = {mean(sum.offset_m.x), mean(sum.offset_m.y), mean(sum.offset_m.z)};
-    record.covariance_m2 = {mean(sum.covariance_m2.xx), mean(sum.covariance_m2.xy), mean(sum.covariance_m2.xz),
-                            mean(sum.covariance_m2.yy), mean(sum.covariance_m2.yz), mean(sum.covariance_m2.zz)};
+    record.covariance_m2 = {mean(sum.covariance_m2.xx), mean(sum.covariance_m2.xy),
+                            mean(sum.covariance_m2.xz), mean(sum.covariance_m2.yy),
+                            mean(sum.covariance_m2.yz), mean(sum.covariance_m2.zz)};
     sum.touched = false;
   }
   return dropped;

@@ -14,7 +14,8 @@ class VoxelTable {
  public:
   explicit VoxelTable(double voxel_size_m) : x_voxel_size_m(voxel_size_m) { rehash(0); }
 
-  std::size_t insert(const PointsView& points, const CovariancesView& covariances, const Transform& T_map_points);
+  std::size_t insert(const PointsView& points, const CovariancesView& covariances,
+                     const Transform& T_map_points);
   std::size_t keepWithin(const std::array<double, 3>& centre_m, double distance_m);
   [[nodiscard]] VoxelGaussians contents() const;
 
@@ -25,7 +26,8 @@ class VoxelTable {
   [[nodiscard]] std::int32_t shift() const { return x_shift; }
 
  private:
-  /** What a voxel has taken: sums in double, in order of insertion; means are offsets from the voxel's centre. */
+  /** What a voxel has taken: sums in double, in order of insertion; means are offsets from the voxel's
+   * centre. */
   struct Accumulator {
     Vec3<double> offset_m{0, 0, 0};
     Sym3<double> covariance_m2{0, 0, 0, 0, 0, 0};

@@ -31,8 +31,8 @@ struct Pass {
 class PassRunner {
  public:
   virtual ~PassRunner() = default;
-  /** The sums at a pose; kFrozenCost is over the frozen pairs, 0 before the first freeze(). kDistance costs an
-   * eigen-decomposition a pair and is left 0 unless asked for. */
+  /** The sums at a pose; kFrozenCost is over the frozen pairs, 0 before the first freeze(). kDistance costs
+   * an eigen-decomposition a pair and is left 0 unless asked for. */
   virtual Pass run(const Transform& T_map_source, bool with_distance) = 0;
   /** The pairs of the newest pass become the frozen ones. */
   virtual void freeze() = 0;

@@ -16,8 +16,8 @@ struct Cell {
 };
 
 RACELOC_HD bool inRange(const Cell& c) {
-  return c.x >= -kCellLimit && c.x < kCellLimit && c.y >= -kCellLimit && c.y < kCellLimit && c.z >= -kCellLimit &&
-         c.z < kCellLimit;
+  return c.x >= -kCellLimit && c.x < kCellLimit && c.y >= -kCellLimit && c.y < kCellLimit &&
+         c.z >= -kCellLimit && c.z < kCellLimit;
 }
 
 /** floor(x) of a number that an int32 can hold. */
@@ -27,7 +27,8 @@ RACELOC_HD std::int32_t floorToInt(T x) {
   return whole - (x < static_cast<T>(whole) ? 1 : 0);
 }
 
-/** The cell of a point, index floor(p / size) on each axis. \return false if it is not finite or out of range. */
+/** The cell of a point, index floor(p / size) on each axis. \return false if it is not finite or out of
+ * range. */
 RACELOC_HD bool cellOf(double x, double y, double z, double size_m, Cell& cell) {
   constexpr double limit = kCellLimit;
   const double cx = x / size_m, cy = y / size_m, cz = z / size_m;
@@ -38,21 +39,22 @@ RACELOC_HD bool cellOf(double x, double y, double z, double size_m, Cell& cell) 
 
 /** Key of a cell among all: ascending keys are ascending (z, y, x). */
 RACELOC_HD std::uint64_t packedKey(const Cell& c) {
-  return (static_cast<std::uint64_t>(c.z + kCellLimit) << 42) | (static_cast<std::uint64_t>(c.y + kCellLimit) << 21) |
-         static_cast<std::uint64_t>(c.x + kCellLimit);
+  return (static_cast<std::uint64_t>(c.z + kCellLimit) << 42) |
+         (static_cast<std::uint64_t>(c.y + kCellLimit) << 21) | static_cast<std::uint64_t>(c.x + kCellLimit);
 }
 
 /** No cell has this key. */
 inline constexpr std::uint64_t kNoKey = ~std::uint64_t{0};
 
-/** Keys of the cells of one box, in as few bits as it needs (a sort reads no others); order as packedKey(). */
+/** Keys of the cells of one box, in as few bits as it needs (a sort reads no others); order as packedKey().
+ */
 struct KeyLayout {
   Cell low{0, 0, 0};
   std::int32_t shift_y = 0, shift_z = 0, bits = 0;
 
   [[nodiscard]] RACELOC_HD std::uint64_t key(const Cell& c) const {
-    return (static_cast<std::uint64_t>(c.z - low.z) << shift_z) | (static_cast<std::uint64_t>(c.y - low.y) << shift_y) |
-           static_cast<std::uint64_t>(c.x - low.x);
+    return (static_cast<std::uint64_t>(c.z - low.z) << shift_z) |
+           (static_cast<std::uint64_t>(c.y - low.y) << shift_y) | static_cast<std::uint64_t>(c.x - low.x);
   }
 
   /** The box from low to high, both inside. */

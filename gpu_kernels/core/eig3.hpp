@@ -1,6 +1,6 @@
 /** \file
- * Eigen-decomposition of a symmetric 3x3 matrix by cyclic Jacobi rotations without a branch, and the regularisations
- * built on it. The same rotations run on every device. */
+ * Eigen-decomposition of a symmetric 3x3 matrix by cyclic Jacobi rotations without a branch, and the
+ * regularisations built on it. The same rotations run on every device. */
 #pragma once
 
 #include <cmath>
@@ -60,12 +60,13 @@ RACELOC_HD Eigen3<T> eigen(Sym3<T> a) {
   return {a.xx, a.yy, a.zz, x, y, z};
 }
 
-/** Below this share of the largest eigenvalue, the gap between the two smallest leaves the normal undefined. */
+/** Below this share of the largest eigenvalue, the gap between the two smallest leaves the normal undefined.
+ */
 template <class T>
 inline constexpr T kNormalGap = T(1e-3);
 
-/** C made fit for registration. Where the neighbourhood says nothing (it is one point; for `plane`, it has no normal)
- * the answer is isotropic, of variance radius^2. */
+/** C made fit for registration. Where the neighbourhood says nothing (it is one point; for `plane`, it has no
+ * normal) the answer is isotropic, of variance radius^2. */
 template <class T>
 RACELOC_HD Sym3<T> regularised(const Sym3<T>& C, Regularisation how, T epsilon, T squared_radius_m2) {
   if (how == Regularisation::none) return C;

@@ -1,7 +1,8 @@
 /** \file
- * The VGICP factor. Everything is written in the sensor's frame: residual e = R'(mean - t) - p, combined covariance
- * C_source + R' C_map R (the same cost as in the map's frame), right increment T Exp(xi), xi = (rotation, translation).
- * Then de/dxi = ([p]x, -I) has no R and no large number. Sources: see raceloc/gpu/matcher.h. */
+ * The VGICP factor: residual e = mean - (R p + t), combined covariance C_map + R C_source R', right increment
+ * T Exp(xi), xi = (rotation, translation); the covariance is held while e is differentiated. All of it is
+ * written turned into the sensor's frame, R'e and C_source + R' C_map R, where the Jacobian ([p]x, -I) has no
+ * R and no large number. Sources: see raceloc/gpu/matcher.h. */
 #pragma once
 
 #include <cmath>
@@ -13,16 +14,28 @@
 
 namespace raceloc::gpu {
 
-/** Places in the vector of sums of a pass. The counts are exact: floats over at most 2^24 pairs, then doubles. */
-enum Sum : int { kHtt = 0, kHrt = 6, kHrr = 15, kB = 21, kCost = 27, kPairs, kInliers, kFrozenCost, kDistance, kSums };
+/** Places in the vector of sums of a pass. The counts are exact: floats over at most 2^24 pairs, then
+ * doubles. */
+enum Sum : int {
+  kHtt = 0,
+  kHrt = 6,
+  kHrr = 15,
+  kB = 21,
+  kCost = 27,
+  kPairs,
+  kInliers,
+  kFrozenCost,
+  kDistance,
+  kSums
+};
 
 template <class T>
 struct Whitened {
-  Vec3<T> e;      ///< residual [m]
-  Sym3<T> W;      ///< inverse of the combined covariance
-  Sym3<T> C;      ///< combined covariance [m^2]
-  T squared;      ///< e' W e
-  bool valid;     ///< false if the covariance has no inverse in float, or anything is not finite
+  Vec3<T> e;   ///< residual [m]
+  Sym3<T> W;   ///< inverse of the combined covariance
+  Sym3<T> C;   ///< combined covariance [m^2]
+  T squared;   ///< e' W e
+  bool valid;  ///< false if the covariance has no inverse in float, or anything is not finite
 };
 
 /** \param v  mean of the voxel - t, map frame [m] */
@@ -115,22 +128,24 @@ RACELOC_HD Whitened<float> pairWith(const PassSetup& setup, const VoxelRecord& r
   const auto centre = [&](std::int32_t cell, std::int32_t anchor) {
     return (static_cast<float>(cell - anchor) + 0.5F) * setup.voxel_m;
   };
-  const Vec3<float> mean = Vec3<float>{centre(record.cell.x, setup.anchor.x), centre(record.cell.y, setup.anchor.y),
-                                       centre(record.cell.z, setup.anchor.z)} +
-                           record.offset_m;
+  const Vec3<float> mean =
+      Vec3<float>{centre(record.cell.x, setup.anchor.x), centre(record.cell.y, setup.anchor.y),
+                  centre(record.cell.z, setup.anchor.z)} +
+      record.offset_m;
   return whitened(transposed(setup.R_map_source), p, C_source, mean - setup.t_m, record.covariance_m2);
 }
 
-/** The pass of one source point: adds to `sums` and notes its pairs (record or -1), pair k at fresh[k * stride].
- * The frozen cost is that of the pairs in `frozen` (may be null) at this pose: what a step may be judged by, since the
- * fresh cost jumps where a point changes its voxel. */
+/** The pass of one source point: adds to `sums` and notes its pairs (record or -1), pair k at fresh[k *
+ * stride]. The frozen cost is that of the pairs in `frozen` (may be null) at this pose: what a step may be
+ * judged by, since the fresh cost jumps where a point changes its voxel. */
 template <bool WithDistance>
 RACELOC_HD void passPoint(const PassSetup& setup, const VoxelMapView& map, const Vec3<float>& p,
                           const Sym3<float>& C_source, std::size_t stride, const std::int32_t* frozen,
                           std::int32_t* fresh, float* sums) {
   const Vec3<float> q = setup.voxels_per_m * (setup.R_map_source * p + setup.t_m);
   constexpr auto limit = static_cast<float>(2 * kCellLimit);
-  const bool somewhere = std::fabs(q.x) < limit && std::fabs(q.y) < limit && std::fabs(q.z) < limit;  // not NaN
+  const bool somewhere =
+      std::fabs(q.x) < limit && std::fabs(q.y) < limit && std::fabs(q.z) < limit;  // not NaN
   const Cell cell = somewhere ? Cell{setup.anchor.x + floorToInt(q.x), setup.anchor.y + floorToInt(q.y),
                                      setup.anchor.z + floorToInt(q.z)}
                               : Cell{-4 * kCellLimit, 0, 0};

@@ -1,5 +1,6 @@
 /** \file
- * 3-vectors, symmetric and full 3x3 matrices: only what the bodies need. T is float on the backends, double in tests. */
+ * 3-vectors, symmetric and full 3x3 matrices: only what the bodies need. T is float on the backends, double
+ * in tests. */
 #pragma once
 
 #include <cmath>
@@ -98,7 +99,8 @@ template <class T>
 RACELOC_HD Sym3<T> turned(const Mat3<T>& R, const Sym3<T>& C) {
   const Vec3<T> row_x{R.xx, R.xy, R.xz}, row_y{R.yx, R.yy, R.yz}, row_z{R.zx, R.zy, R.zz};
   const Vec3<T> C_x = C * row_x, C_y = C * row_y, C_z = C * row_z;
-  return {dot(row_x, C_x), dot(row_x, C_y), dot(row_x, C_z), dot(row_y, C_y), dot(row_y, C_z), dot(row_z, C_z)};
+  return {dot(row_x, C_x), dot(row_x, C_y), dot(row_x, C_z),
+          dot(row_y, C_y), dot(row_y, C_z), dot(row_z, C_z)};
 }
 
 /** Adjugate, also symmetric; the inverse is adjugate / determinant. */

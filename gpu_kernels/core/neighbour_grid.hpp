@@ -1,6 +1,6 @@
 /** \file
- * Cell list for neighbours within a radius: points sorted by cell, x fastest, so that the three cells beside each other
- * in x are one run of points and a neighbourhood is nine runs. */
+ * Cell list for neighbours within a radius: points sorted by cell, x fastest, so that the three cells beside
+ * each other in x are one run of points and a neighbourhood is nine runs. */
 #pragma once
 
 #include <algorithm>
@@ -25,28 +25,31 @@ struct NeighbourGrid {
   KeyLayout layout;
   double cell_m = 1;
 
-  /** Cell of a point. Indices are clamped: that keeps neighbours in neighbouring cells whatever the extent. */
+  /** Cell of a point. Indices are clamped: that keeps neighbours in neighbouring cells whatever the extent.
+   */
   [[nodiscard]] RACELOC_HD Cell cell(double x, double y, double z) const {
     return {clamped(x / cell_m), clamped(y / cell_m), clamped(z / cell_m)};
   }
 
-  /** Key of the first cell of row `row` around the cell with key `key`; the row's last cell is two further. */
+  /** Key of the first cell of row `row` around the cell with key `key`; the row's last cell is two further.
+   */
   [[nodiscard]] RACELOC_HD std::uint64_t rowKey(std::uint64_t key, int row) const {
     const std::uint64_t y = std::uint64_t{1} << layout.shift_y, z = std::uint64_t{1} << layout.shift_z;
-    return key - z - y - 1 + static_cast<std::uint64_t>(row / 3) * z + static_cast<std::uint64_t>(row % 3) * y;
+    return key - z - y - 1 + static_cast<std::uint64_t>(row / 3) * z +
+           static_cast<std::uint64_t>(row % 3) * y;
   }
 
   /** Grid over finite points. The box has an empty ring, so that a row beside the border is no other row. */
   static NeighbourGrid over(const PointsView& p, float radius_m) {
     NeighbourGrid grid;
-    grid.cell_m = static_cast<double>(radius_m) * (1 + 1e-6);  // rounding must not put neighbours two cells apart
+    grid.cell_m =
+        static_cast<double>(radius_m) * (1 + 1e-6);  // rounding must not put neighbours two cells apart
     if (p.size == 0) return grid;
     const auto [x_low, x_high] = std::minmax_element(p.x, p.x + p.size);
     const auto [y_low, y_high] = std::minmax_element(p.y, p.y + p.size);
     const auto [z_low, z_high] = std::minmax_element(p.z, p.z + p.size);
     const Cell low = grid.cell(*x_low, *y_low, *z_low), high = grid.cell(*x_high, *y_high, *z_high);
-    grid.layout =
-        KeyLayout::of({low.x - 1, low.y - 1, low.z - 1}, {high.x + 1, high.y + 1, high.z + 1});
+    grid.layout = KeyLayout::of({low.x - 1, low.y - 1, low.z - 1}, {high.x + 1, high.y + 1, high.z + 1});
     return grid;
   }
 
@@ -71,7 +74,8 @@ struct CovarianceSetup {
 /** Covariance of the point q over the points of nine runs; `p` is the sorted cloud. */
 template <class WeightOf>
 RACELOC_HD Sym3<float> covarianceAt(const Vec3<float>& q, const PointsView& p, const Run* runs,
-                                    const CovarianceSetup& setup, const WeightOf& weightOf, std::int32_t& neighbours) {
+                                    const CovarianceSetup& setup, const WeightOf& weightOf,
+                                    std::int32_t& neighbours) {
   Moments<float> moments;
   for (int row = 0; row < kRowsAround; ++row) {
     const Run run = runs[row];

@@ -10,7 +10,8 @@ PassSetup passSetup(const Transform& T_map_source, double voxel_size_m, const Ma
   const auto f = [](double x) { return static_cast<float>(x); };
   PassSetup setup{};
   setup.R_map_source = {f(R[0]), f(R[1]), f(R[2]), f(R[3]), f(R[4]), f(R[5]), f(R[6]), f(R[7]), f(R[8])};
-  if (!cellOf(t[0], t[1], t[2], voxel_size_m, setup.anchor)) setup.anchor = {0, 0, 0};  // no voxel is near anyway
+  if (!cellOf(t[0], t[1], t[2], voxel_size_m, setup.anchor))
+    setup.anchor = {0, 0, 0};  // no voxel is near anyway
   setup.t_m = {f(t[0] - setup.anchor.x * voxel_size_m), f(t[1] - setup.anchor.y * voxel_size_m),
                f(t[2] - setup.anchor.z * voxel_size_m)};
   setup.voxel_m = f(voxel_size_m);

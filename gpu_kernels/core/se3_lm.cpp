@@ -16,7 +16,8 @@ double norm3(const double* v) { return std::sqrt(v[0] * v[0] + v[1] * v[1] + v[2
 
 bool finite(const Linearization& at) {
   const auto good = [](double x) { return std::isfinite(x); };
-  return std::all_of(at.H.begin(), at.H.end(), good) && std::all_of(at.b.begin(), at.b.end(), good) && good(at.cost);
+  return std::all_of(at.H.begin(), at.H.end(), good) && std::all_of(at.b.begin(), at.b.end(), good) &&
+         good(at.cost);
 }
 
 bool finite(const Transform& T) {
@@ -45,8 +46,8 @@ Transform moved(const Transform& T, const Step& xi) {
   const double b = small ? 0.5 - angle2 / 24 : (1 - std::cos(angle)) / angle2;
   const double c = small ? 1.0 / 6 - angle2 / 120 : (angle - std::sin(angle)) / (angle2 * angle);
   const std::array<double, 9> K{0, -z, y, z, 0, -x, -y, x, 0};
-  const std::array<double, 9> K2{x * x - angle2, x * y, x * z, x * y, y * y - angle2, y * z, x * z, y * z,
-                                 z * z - angle2};
+  const std::array<double, 9> K2{x * x - angle2, x * y, x * z, x * y,         y * y - angle2,
+                                 y * z,          x * z, y * z, z * z - angle2};
   std::array<double, 9> dR{}, V{};
   for (std::size_t i = 0; i < 9; ++i) {
     const double one = i % 4 == 0 ? 1 : 0;

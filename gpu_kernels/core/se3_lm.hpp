@@ -19,9 +19,9 @@ using Step = std::array<double, 6>;  ///< rotation [rad], then translation [m]
  * definite beyond the rounding of its float sums. */
 [[nodiscard]] std::optional<Step> solveStep(const Linearization& at, double damping);
 
-/** The loop behind match(). A step is kept if the cost over the pairs of the pose before does not grow there; a
- * rejected one raises the damping. It has converged when the undamped step is short: a step is never short merely
- * because it was damped. */
+/** The loop behind match(). A step is kept if the cost over the pairs of the pose before does not grow there;
+ * a rejected one raises the damping. It has converged when the undamped step is short: a step is never short
+ * merely because it was damped. */
 [[nodiscard]] Match gaussNewton(PassRunner& passes, const Transform& guess, const MatchOptions& options);
 
 }  // namespace raceloc::gpu

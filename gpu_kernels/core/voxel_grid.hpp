@@ -38,8 +38,10 @@ RACELOC_HD std::uint64_t voxelKey(const KeyLayout& layout, double voxel_size_m, 
   return cellOf(x, y, z, voxel_size_m, c) ? layout.key(c) : std::uint64_t{1} << layout.bits;
 }
 
-/** Centroid of the points order[first .. last): sums in double and in that order, the same bits on every device. */
-RACELOC_HD Vec3<float> centroid(const PointsView& p, const std::uint32_t* order, std::size_t first, std::size_t last) {
+/** Centroid of the points order[first .. last): sums in double and in that order, the same bits on every
+ * device. */
+RACELOC_HD Vec3<float> centroid(const PointsView& p, const std::uint32_t* order, std::size_t first,
+                                std::size_t last) {
   double x = 0, y = 0, z = 0;
   for (std::size_t k = first; k < last; ++k) {
     const std::uint32_t i = order[k];

@@ -14,7 +14,8 @@ struct alignas(16) VoxelSlot {
   std::int32_t record = -1;
 };
 
-/** One voxel's Gaussian. The mean is an offset from the voxel's centre: as exact far from the origin as near it. */
+/** One voxel's Gaussian. The mean is an offset from the voxel's centre: as exact far from the origin as near
+ * it. */
 struct alignas(16) VoxelRecord {
   Vec3<float> offset_m;
   Sym3<float> covariance_m2;

@@ -1,7 +1,7 @@
 /** \file
- * The paper's five kernels as weights of an offset d = neighbour - point: each in [0, 1], 1 at d = 0, and of d alone, so
- * that covariances are positive semi-definite and do not depend on the origin (reading.md section 4).
- * A weight is called with |d|^2 [m^2] and |d|_1 [m]. */
+ * The paper's five kernels as weights of an offset d = neighbour - point: each in [0, 1], 1 at d = 0, and of
+ * d alone, so that covariances are positive semi-definite and do not depend on the origin (reading.md section
+ * 4). A weight is called with |d|^2 [m^2] and |d|_1 [m]. */
 #pragma once
 
 #include <cmath>
@@ -34,7 +34,8 @@ struct Laplacian {
   RACELOC_HD T operator()(T squared_m2, T) const { return exponential(-rate_per_m * std::sqrt(squared_m2)); }
 };
 
-/** (1 + (alpha/c) |d|^2)^(-degree/2): the paper's (alpha <x,y> + c)^degree, cosine-normalised about the point. */
+/** (1 + (alpha/c) |d|^2)^(-degree/2): the paper's (alpha <x,y> + c)^degree, cosine-normalised about the
+ * point. */
 template <class T>
 struct Polynomial {
   T ratio_per_m2;
@@ -64,13 +65,16 @@ struct Histogram {
 template <class T, class Use>
 void withWeight(const CovarianceOptions& o, const Use& use) {
   switch (o.weight) {
-    case Weight::rbf: return use(SquaredExponential<T>{T(o.rbf_gamma_per_m2)});
+    case Weight::rbf:
+      return use(SquaredExponential<T>{T(o.rbf_gamma_per_m2)});
     case Weight::gaussian:
       return use(SquaredExponential<T>{T(1) / (T(2) * T(o.gaussian_sigma_m) * T(o.gaussian_sigma_m))});
     case Weight::polynomial:
       return use(Polynomial<T>{T(o.polynomial_alpha_per_m2) / T(o.polynomial_c), o.polynomial_degree});
-    case Weight::hist: return use(Histogram<T>{T(1) / (T(3) * T(o.hist_s_m))});
-    case Weight::laplacian: return use(Laplacian<T>{T(1) / T(o.laplacian_sigma_m)});
+    case Weight::hist:
+      return use(Histogram<T>{T(1) / (T(3) * T(o.hist_s_m))});
+    case Weight::laplacian:
+      return use(Laplacian<T>{T(1) / T(o.laplacian_sigma_m)});
   }
 }
 

@@ -22,7 +22,9 @@ namespace {
 class FlushDenormals {
 #if defined(__SSE2__)
  public:
-  FlushDenormals() : x_before(_mm_getcsr()) { _mm_setcsr(x_before | _MM_FLUSH_ZERO_ON | _MM_DENORMALS_ZERO_ON); }
+  FlushDenormals() : x_before(_mm_getcsr()) {
+    _mm_setcsr(x_before | _MM_FLUSH_ZERO_ON | _MM_DENORMALS_ZERO_ON);
+  }
   ~FlushDenormals() { _mm_setcsr(x_before); }
   FlushDenormals(const FlushDenormals&) = delete;
   FlushDenormals& operator=(const FlushDenormals&) = delete;
@@ -85,8 +87,9 @@ class CpuPasses : public PassRunner {
     for (std::size_t first = 0; first < x_source.size; first += block) {
       std::array<float, kSums> sums{};
       for (std::size_t i = first; i < std::min(first + block, x_source.size); ++i) {
-        passPoint<WithDistance>(setup, map, {x_source.x[i], x_source.y[i], x_source.z[i]}, at(x_covariances, i),
-                                x_source.size, x_frozen.empty() ? nullptr : &x_frozen[i], &x_fresh[i], sums.data());
+        passPoint<WithDistance>(setup, map, {x_source.x[i], x_source.y[i], x_source.z[i]},
+                                at(x_covariances, i), x_source.size,
+                                x_frozen.empty() ? nullptr : &x_frozen[i], &x_fresh[i], sums.data());
       }
       for (std::size_t k = 0; k < kSums; ++k) pass.sums[k] += static_cast<double>(sums[k]);
     }
@@ -147,7 +150,8 @@ class CpuBackend : public BackendBase {
   }
 
   std::unique_ptr<PassRunner> passes(const PointsView& source, const CovariancesView& covariances,
-                                     const VoxelTable& table, const MapMirror*, const MatchOptions& options) override {
+                                     const VoxelTable& table, const MapMirror*,
+                                     const MatchOptions& options) override {
     return std::make_unique<CpuPasses>(source, covariances, table, options);
   }
 

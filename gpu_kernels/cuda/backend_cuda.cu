@@ -1,6 +1,6 @@
 /** \file
- * The bodies of core/ as kernels. The host keeps the master of every voxel map and runs the Gauss-Newton loop; a pass
- * costs two launches and one transfer of its sums. */
+ * The bodies of core/ as kernels. The host keeps the master of every voxel map and runs the Gauss-Newton
+ * loop; a pass costs two launches and one transfer of its sums. */
 #include <algorithm>
 #include <array>
 #include <type_traits>
@@ -22,14 +22,17 @@ RACELOC_KERNEL(simt::kWarp)
 testLaunch(std::uint32_t* answer) { answer[simt::lane()] = 3 * simt::lane() + 1; }
 
 std::uint32_t blocksFor(std::size_t n, int threads) {
-  return static_cast<std::uint32_t>((n + static_cast<std::size_t>(threads) - 1) / static_cast<std::size_t>(threads));
+  return static_cast<std::uint32_t>((n + static_cast<std::size_t>(threads) - 1) /
+                                    static_cast<std::size_t>(threads));
 }
 
 void checkLaunch(const char* kernel) { checkCuda(cudaGetLastError(), kernel); }
 
 class Stream {
  public:
-  Stream() { checkCuda(cudaStreamCreateWithFlags(&x_stream, cudaStreamNonBlocking), "cudaStreamCreateWithFlags"); }
+  Stream() {
+    checkCuda(cudaStreamCreateWithFlags(&x_stream, cudaStreamNonBlocking), "cudaStreamCreateWithFlags");
+  }
   ~Stream() { cudaStreamDestroy(x_stream); }
   Stream(const Stream&) = delete;
   Stream& operator=(const Stream&) = delete;
@@ -65,7 +68,8 @@ struct PointBuffers {
   DeviceArray<float> x, y, z;
 
   PointsView upload(const PointsView& p, cudaStream_t stream) {
-    return {x.upload(p.x, p.size, stream), y.upload(p.y, p.size, stream), z.upload(p.z, p.size, stream), p.size};
+    return {x.upload(p.x, p.size, stream), y.upload(p.y, p.size, stream), z.upload(p.z, p.size, stream),
+            p.size};
   }
 };
 
@@ -74,8 +78,13 @@ struct CovarianceBuffers {
   DeviceArray<std::int32_t> neighbours;
 
   CovariancesView upload(const CovariancesView& C, cudaStream_t s) {
-    return {xx.upload(C.xx, C.size, s), xy.upload(C.xy, C.size, s), xz.upload(C.xz, C.size, s),
-            yy.upload(C.yy, C.size, s), yz.upload(C.yz, C.size, s), zz.upload(C.zz, C.size, s), C.size};
+    return {xx.upload(C.xx, C.size, s),
+            xy.upload(C.xy, C.size, s),
+            xz.upload(C.xz, C.size, s),
+            yy.upload(C.yy, C.size, s),
+            yz.upload(C.yz, C.size, s),
+            zz.upload(C.zz, C.size, s),
+            C.size};
   }
   CovariancesOut room(std::size_t n) {
     return {xx.room(n), xy.room(n), xz.room(n), yy.room(n), yz.room(n), zz.room(n), neighbours.room(n)};
@@ -100,8 +109,8 @@ struct Device {
 
 class CudaPasses : public PassRunner {
  public:
-  CudaPasses(Device& device, const PointsView& source, const CovariancesView& covariances, const VoxelTable& table,
-             const CudaMirror& mirror, const MatchOptions& options)
+  CudaPasses(Device& device, const PointsView& source, const CovariancesView& covariances,
+             const VoxelTable& table, const CudaMirror& mirror, const MatchOptions& options)
       : x_device(device), x_voxel_size_m(table.voxelSize()), x_options(options) {
     const cudaStream_t stream = device.stream.get();
     const std::size_t pairs = source.size * static_cast<std::size_t>(options.neighbour_voxels);
@@ -177,12 +186,13 @@ class CudaBackend : public BackendBase {
     const cudaStream_t stream = x_device.stream.get();
     const PointsView p = x_device.points.upload(points, stream);
     SortBuffers& sort = x_device.sort;
-    voxelKeys<<<blocksFor(n, kRunThreads), kRunThreads, 0, stream>>>(p, extent.layout, voxel_size_m, sort.keys.room(n),
-                                                                      sort.order.room(n));
+    voxelKeys<<<blocksFor(n, kRunThreads), kRunThreads, 0, stream>>>(p, extent.layout, voxel_size_m,
+                                                                     sort.keys.room(n), sort.order.room(n));
     checkLaunch("voxelKeys");
     sortPairs(sort, n, extent.layout.bits + 1, stream);  // one bit more: dropped points come last
     const std::uint32_t voxels = numberedRuns(kept);
-    float *x = x_device.sorted.x.room(voxels), *y = x_device.sorted.y.room(voxels), *z = x_device.sorted.z.room(voxels);
+    float *x = x_device.sorted.x.room(voxels), *y = x_device.sorted.y.room(voxels),
+          *z = x_device.sorted.z.room(voxels);
     centroids<<<blocksFor(kept, kRunThreads), kRunThreads, 0, stream>>>(
         p, sort.keys_sorted.data(), sort.order_sorted.data(), sort.numbers.data(), kept, x, y, z);
     checkLaunch("centroids");
@@ -203,26 +213,29 @@ class CudaBackend : public BackendBase {
     const NeighbourGrid grid = NeighbourGrid::over(points, options.radius_m);
     const PointsView p = x_device.points.upload(points, stream);
     SortBuffers& sort = x_device.sort;
-    cellKeys<<<blocksFor(n, kRunThreads), kRunThreads, 0, stream>>>(p, grid, sort.keys.room(n), sort.order.room(n));
+    cellKeys<<<blocksFor(n, kRunThreads), kRunThreads, 0, stream>>>(p, grid, sort.keys.room(n),
+                                                                    sort.order.room(n));
     checkLaunch("cellKeys");
     sortPairs(sort, n, grid.layout.bits, stream);
     const std::uint32_t cells = numberedRuns(n);
     PointBuffers& s = x_device.sorted;
     std::uint64_t* cell_keys = x_device.cell_keys.room(cells);
     std::uint32_t* cell_first = x_device.cell_first.room(cells);
-    listCells<<<blocksFor(n, kRunThreads), kRunThreads, 0, stream>>>(p, sort.keys_sorted.data(), sort.order_sorted.data(),
-                                                                      sort.numbers.data(), cell_keys, cell_first,
-                                                                      s.x.room(n), s.y.room(n), s.z.room(n));
+    listCells<<<blocksFor(n, kRunThreads), kRunThreads, 0, stream>>>(
+        p, sort.keys_sorted.data(), sort.order_sorted.data(), sort.numbers.data(), cell_keys, cell_first,
+        s.x.room(n), s.y.room(n), s.z.room(n));
     checkLaunch("listCells");
     const std::size_t rows = static_cast<std::size_t>(cells) * kRowsAround;
     Run* runs = x_device.runs.room(rows);
-    findRuns<<<blocksFor(rows, kRunThreads), kRunThreads, 0, stream>>>(grid, cell_keys, cell_first, cells, n, runs);
+    findRuns<<<blocksFor(rows, kRunThreads), kRunThreads, 0, stream>>>(grid, cell_keys, cell_first, cells, n,
+                                                                       runs);
     checkLaunch("findRuns");
     const PointsView sorted{s.x.data(), s.y.data(), s.z.data(), n};
     const CovariancesOut there = x_device.covariances.room(n);
     withWeight<float>(options, [&](const auto& weightOf) {
       covarianceOfPoints<<<blocksFor(n, kCovarianceThreads), kCovarianceThreads, 0, stream>>>(
-          sorted, sort.order_sorted.data(), sort.numbers.data(), runs, CovarianceSetup::of(options), weightOf, there);
+          sorted, sort.order_sorted.data(), sort.numbers.data(), runs, CovarianceSetup::of(options), weightOf,
+          there);
     });
     checkLaunch("covarianceOfPoints");
     const auto fetch = [&](const auto& from, auto& to) {
@@ -252,12 +265,14 @@ class CudaBackend : public BackendBase {
   std::uint32_t numberedRuns(std::uint32_t n) {
     const cudaStream_t stream = x_device.stream.get();
     SortBuffers& sort = x_device.sort;
-    markHeads<<<blocksFor(n, kRunThreads), kRunThreads, 0, stream>>>(sort.keys_sorted.data(), n, sort.heads.room(n));
+    markHeads<<<blocksFor(n, kRunThreads), kRunThreads, 0, stream>>>(sort.keys_sorted.data(), n,
+                                                                     sort.heads.room(n));
     checkLaunch("markHeads");
     numberRuns(sort, n, stream);
     std::uint32_t runs = 0;
-    checkCuda(cudaMemcpyAsync(&runs, sort.numbers.data() + n - 1, sizeof(runs), cudaMemcpyDeviceToHost, stream),
-              "cudaMemcpyAsync");
+    checkCuda(
+        cudaMemcpyAsync(&runs, sort.numbers.data() + n - 1, sizeof(runs), cudaMemcpyDeviceToHost, stream),
+        "cudaMemcpyAsync");
     x_device.stream.wait();
     return runs;
   }
@@ -272,7 +287,8 @@ std::unique_ptr<BackendBase> makeCudaBackend(int device) {
   int devices = 0;
   checkCuda(cudaGetDeviceCount(&devices), "cudaGetDeviceCount");
   if (device < 0 || device >= devices)
-    throw DeviceError("CUDA device " + std::to_string(device) + " of " + std::to_string(devices) + " does not exist");
+    throw DeviceError("CUDA device " + std::to_string(device) + " of " + std::to_string(devices) +
+                      " does not exist");
   cudaDeviceProp properties{};
   checkCuda(cudaGetDeviceProperties(&properties, device), "cudaGetDeviceProperties");
   const std::string capability = std::to_string(properties.major) + "." + std::to_string(properties.minor);

@@ -42,13 +42,16 @@ class DeviceArray {
 
   const T* upload(const T* host, std::size_t n, cudaStream_t stream) {
     T* data = room(n);
-    if (n > 0) checkCuda(cudaMemcpyAsync(data, host, n * sizeof(T), cudaMemcpyHostToDevice, stream), "cudaMemcpyAsync");
+    if (n > 0)
+      checkCuda(cudaMemcpyAsync(data, host, n * sizeof(T), cudaMemcpyHostToDevice, stream),
+                "cudaMemcpyAsync");
     return data;
   }
 
   void download(T* host, std::size_t n, cudaStream_t stream) const {
     if (n > 0)
-      checkCuda(cudaMemcpyAsync(host, x_data, n * sizeof(T), cudaMemcpyDeviceToHost, stream), "cudaMemcpyAsync");
+      checkCuda(cudaMemcpyAsync(host, x_data, n * sizeof(T), cudaMemcpyDeviceToHost, stream),
+                "cudaMemcpyAsync");
   }
 
   [[nodiscard]] T* data() const { return x_data; }

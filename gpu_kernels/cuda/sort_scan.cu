@@ -8,8 +8,8 @@ namespace raceloc::gpu {
 void sortPairs(SortBuffers& b, std::uint32_t n, int bits, cudaStream_t stream) {
   std::size_t bytes = 0;
   const auto sort = [&](void* scratch) {
-    checkCuda(cub::DeviceRadixSort::SortPairs(scratch, bytes, b.keys.data(), b.keys_sorted.room(n), b.order.data(),
-                                              b.order_sorted.room(n), n, 0, bits, stream),
+    checkCuda(cub::DeviceRadixSort::SortPairs(scratch, bytes, b.keys.data(), b.keys_sorted.room(n),
+                                              b.order.data(), b.order_sorted.room(n), n, 0, bits, stream),
               "cub::DeviceRadixSort::SortPairs");
   };
   sort(nullptr);

@@ -17,13 +17,14 @@ struct CovariancesOut {
 
 template <class WeightOf>
 RACELOC_KERNEL(kCovarianceThreads)
-covarianceOfPoints(PointsView sorted, const std::uint32_t* order, const std::uint32_t* numbers, const Run* runs,
-                   CovarianceSetup setup, WeightOf weightOf, CovariancesOut out) {
+covarianceOfPoints(PointsView sorted, const std::uint32_t* order, const std::uint32_t* numbers,
+                   const Run* runs, CovarianceSetup setup, WeightOf weightOf, CovariancesOut out) {
   const std::uint32_t k = simt::globalThread();
   if (k >= sorted.size) return;
   std::int32_t neighbours = 0;
   const Run* around = runs + static_cast<std::size_t>(numbers[k] - 1) * kRowsAround;
-  const Sym3<float> C = covarianceAt({sorted.x[k], sorted.y[k], sorted.z[k]}, sorted, around, setup, weightOf, neighbours);
+  const Sym3<float> C =
+      covarianceAt({sorted.x[k], sorted.y[k], sorted.z[k]}, sorted, around, setup, weightOf, neighbours);
   const std::uint32_t i = order[k];
   out.xx[i] = C.xx;
   out.xy[i] = C.xy;

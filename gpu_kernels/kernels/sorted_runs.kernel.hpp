@@ -1,5 +1,6 @@
 /** \file
- * Kernels around the sort: a run of equal keys is a voxel of the voxel grid, or a cell of the neighbour grid. */
+ * Kernels around the sort: a run of equal keys is a voxel of the voxel grid, or a cell of the neighbour grid.
+ */
 #pragma once
 
 #include "core/neighbour_grid.hpp"
@@ -66,7 +67,8 @@ listCells(PointsView p, const std::uint64_t* keys, const std::uint32_t* order, c
 }
 
 /** First of `n` ascending keys that is not below `key`. */
-__device__ __forceinline__ std::uint32_t lowerBound(const std::uint64_t* keys, std::uint32_t n, std::uint64_t key) {
+__device__ __forceinline__ std::uint32_t lowerBound(const std::uint64_t* keys, std::uint32_t n,
+                                                    std::uint64_t key) {
   std::uint32_t first = 0;
   for (std::uint32_t left = n; left > 0;) {
     const std::uint32_t half = left / 2;
@@ -79,8 +81,8 @@ __device__ __forceinline__ std::uint32_t lowerBound(const std::uint64_t* keys, s
 
 /** One thread a cell and row: the run of points in the three cells of the row. */
 RACELOC_KERNEL(kRunThreads)
-findRuns(NeighbourGrid grid, const std::uint64_t* cell_keys, const std::uint32_t* cell_first, std::uint32_t cells,
-         std::uint32_t points, Run* runs) {
+findRuns(NeighbourGrid grid, const std::uint64_t* cell_keys, const std::uint32_t* cell_first,
+         std::uint32_t cells, std::uint32_t points, Run* runs) {
   const std::uint32_t i = simt::globalThread();
   if (i >= cells * kRowsAround) return;
   const std::uint64_t low = grid.rowKey(cell_keys[i / kRowsAround], static_cast<int>(i % kRowsAround));

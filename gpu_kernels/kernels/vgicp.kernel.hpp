@@ -1,5 +1,6 @@
 /** \file
- * One VGICP pass: one thread a source point, floats within a block, doubles over the blocks, every sum in a fixed order. */
+ * One VGICP pass: one thread a source point, floats within a block, doubles over the blocks, every sum in a
+ * fixed order. */
 #pragma once
 
 #include "core/factor.hpp"
@@ -10,8 +11,9 @@ namespace raceloc::gpu {
 inline constexpr int kPassThreads = 128;
 static_assert(kSums == simt::kWarp, "one lane a sum");
 
-/** Sums v[k] over the warp and leaves sum k in v[0] of lane k: each step halves the values a lane still carries, 31
- * shuffles instead of 160. A template, because a loop that is not unrolled would index v in memory. */
+/** Sums v[k] over the warp and leaves sum k in v[0] of lane k: each step halves the values a lane still
+ * carries, 31 shuffles instead of 160. A template, because a loop that is not unrolled would index v in
+ * memory. */
 template <int Half>
 __device__ __forceinline__ void transposeReduce(float (&v)[kSums]) {
   const bool upper = (simt::lane() & Half) != 0;
@@ -59,7 +61,8 @@ vgicpPass(PassInput in, double* partials) {
 RACELOC_KERNEL(simt::kWarp)
 addPartials(const double* partials, std::uint32_t blocks, double* sums) {
   double sum = 0;
-  for (std::uint32_t b = 0; b < blocks; ++b) sum += partials[static_cast<std::size_t>(b) * kSums + simt::lane()];
+  for (std::uint32_t b = 0; b < blocks; ++b)
+    sum += partials[static_cast<std::size_t>(b) * kSums + simt::lane()];
   sums[simt::lane()] = sum;
 }
 

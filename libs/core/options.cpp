@@ -97,9 +97,10 @@ void OptionList::add(const std::string& key, double& member, const Range& range,
 void OptionList::add(const std::string& key, int& member, const Range& range, const std::string& meaning) {
   bind({key, meaning, range.text() + ", whole",
         [&member, range](const std::string& text) {
-          int value = 0;
-          if (!parseWhole(text, value) || !range.holds(value)) return false;
-          member = value;
+          double value = 0;  // MRPT's $eval{} writes whole numbers with decimals
+          if (!parseWhole(text, value) || !range.holds(value) || value != std::floor(value)) return false;
+          if (std::abs(value) > std::numeric_limits<int>::max()) return false;
+          member = static_cast<int>(value);
           return true;
         },
         [&member] { return std::to_string(member); }});
@@ -130,10 +131,13 @@ std::string iniText(const std::string& section, OptionList& keys) {
 
 IniFile::IniFile(const std::string& path) : x_path(path) {
   std::ifstream in(path);
-  std::stringstream text;
-  if (in) text << in.rdbuf();
-  if (!in) throw InputError("ini " + path + ": cannot be read; check the path given with -c");
-  x_file = std::make_unique<mrpt::config::CConfigFileMemory>(text.str());
+  std::string text;
+  for (std::string line; std::getline(in, line); text += line + "\n") {
+    const auto first = line.find_first_not_of(" \t");
+    if (first != std::string::npos && line.compare(first, 2, "//") == 0) line.clear();  // MRPT reads keys in "// a = b"
+  }
+  if (!in.eof()) throw InputError("ini " + path + ": cannot be read; check the path given with -c");
+  x_file = std::make_unique<mrpt::config::CConfigFileMemory>(text);
 }
 
 IniFile::~IniFile() = default;
@@ -143,7 +147,8 @@ void IniFile::read(const std::string& section, OptionList& keys) {
   std::vector<std::string> known;
   for (const auto& b : keys.x_bindings) known.push_back(b.key);
 
-  for (const auto& [name, value] : pairs(section)) {
+  for (const auto& pair : pairs(section)) {
+    const std::string &name = pair.first, &value = pair.second;
     const auto binding = std::find_if(keys.x_bindings.begin(), keys.x_bindings.end(),
                                       [&](const auto& b) { return lower(b.key) == lower(name); });
     if (binding == keys.x_bindings.end())

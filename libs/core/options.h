@@ -114,7 +114,7 @@ class IniFile {
     read(section, keys);
   }
 
-  /** All `key = value` pairs of a free-form section, in file order: for column maps and the like. */
+  /** All `key = value` pairs of a free-form section, sorted by key: for column maps and the like. */
   [[nodiscard]] std::vector<std::pair<std::string, std::string>> pairs(const std::string& section);
 
   /** \throws InputError if the file has a section that nobody loaded. Call it last. */

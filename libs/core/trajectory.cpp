@@ -67,6 +67,7 @@ Trajectory readTum(const std::string& path) {
     T.translation() << v[0], v[1], v[2];
     trajectory.poses.push_back({stamp_s, T});
   }
+  if (in.bad()) throw InputError("trajectory " + path + ": cannot be read");
   if (trajectory.poses.empty()) throw InputError("trajectory " + path + ": holds no pose");
   return trajectory;
 }

@@ -72,7 +72,10 @@ BodyMotion then(const BodyMotion& first, const BodyMotion& second) {
           ad * first.covariance * ad.transpose() + second.covariance};
 }
 
-double wrapAngle(double angle_rad) { return angle_rad - 2 * M_PI * std::floor((angle_rad + M_PI) / (2 * M_PI)); }
+double wrapAngle(double angle_rad) {
+  const double wrapped_rad = std::remainder(angle_rad, 2 * M_PI);
+  return wrapped_rad >= M_PI ? -M_PI : wrapped_rad;
+}
 
 double yawOf(const Pose& pose) { return std::atan2(pose.linear()(1, 0), pose.linear()(0, 0)); }
 

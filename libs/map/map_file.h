@@ -3,7 +3,7 @@
  *
  * Format version 1 (`PRAGMA user_version`; `PRAGMA application_id` is 'RLMP'). All multi-byte values inside
  * blobs are little-endian, all strings UTF-8:
- * - info(key, value): tile_size_m, point_spacing_m, tool_version, config, content_hash; no origin_*: the survey had no GPS; when the map has an
+ * - info(key, value): tile_size_m, point_spacing_m, tool_version, config, content_hash; when the map has an
  *   origin, origin_latitude_deg, origin_longitude_deg and origin_height_m
  * - sessions(number, name), from 0
  * - key_poses(number, stamp_s, session, T_map_body): the last 12 doubles, the upper 3x4 of the matrix by rows

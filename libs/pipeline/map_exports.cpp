@@ -107,7 +107,7 @@ mrpt::opengl::CPointCloudColoured::Ptr colouredCloud(const ScenePoints& points) 
   for (const Eigen::Vector3f& p : points.p_map_m) {
     float red = 0, green = 0, blue = 0;
     const float share = (p.z() - points.low_m) / (points.high_m - points.low_m);
-    mrpt::img::jet2rgb(std::clamp(share, 0.0F, 1.0F), red, green, blue);
+    mrpt::img::jet2rgb(0.15F + 0.75F * std::clamp(share, 0.0F, 1.0F), red, green, blue);  // no dark ends
     cloud->push_back(p.x(), p.y(), p.z(), red, green, blue);
   }
   return cloud;

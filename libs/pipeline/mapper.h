@@ -7,6 +7,7 @@
 #include <string>
 #include <vector>
 
+#include "core/trajectory.h"
 #include "graph/lidar_graph.h"
 #include "map/map_file.h"
 #include "pipeline/map_exports.h"

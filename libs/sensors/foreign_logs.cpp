@@ -49,6 +49,12 @@ std::vector<DeviceSummary> ImportLog::commit() {
   return x_tally.devices();
 }
 
+void requireFolder(const std::string& what, const std::string& folder) {
+  std::error_code ignored;
+  if (!std::filesystem::is_directory(folder, ignored))
+    throw InputError(what + " " + folder + ": no such folder; check the path");
+}
+
 std::vector<std::string> filesIn(const std::string& what, const std::string& folder, const std::string& extension) {
   std::error_code error;
   std::vector<std::string> files;

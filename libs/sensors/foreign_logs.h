@@ -58,6 +58,9 @@ class ImportLog {
   DeviceTally x_tally;
 };
 
+/** \throws InputError "`what` `folder`: no such folder" */
+void requireFolder(const std::string& what, const std::string& folder);
+
 /** Files in `folder` whose names end with `extension`, sorted by name.
  * \throws InputError if the folder cannot be read or holds none. */
 [[nodiscard]] std::vector<std::string> filesIn(const std::string& what, const std::string& folder,

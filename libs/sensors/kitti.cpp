@@ -168,21 +168,32 @@ struct ScanFile {
   double start_s, end_s;
 };
 
+/** One of the three stamp files of the scans. */
+struct StampFile {
+  StampFile(const KittiRawDrive& drive, const std::string& name)
+      : path(drive.folder + "/velodyne_points/" + name), stamps_s(readStamps(path, drive.utc_offset_h)) {}
+  [[nodiscard]] double at(std::size_t number) const {
+    if (number < stamps_s.size()) return stamps_s[number];
+    throw InputError("KITTI stamps " + path + ": no line " + std::to_string(number + 1) + ", but there is a scan " +
+                     std::to_string(number));
+  }
+  std::string path;
+  std::vector<double> stamps_s;
+};
+
 std::vector<ScanFile> findScans(const KittiRawDrive& drive) {
-  const std::string folder = drive.folder + "/velodyne_points";
-  const auto files = filesIn("KITTI scans", folder + "/data", ".bin");
-  const auto starts_s = readStamps(folder + "/timestamps_start.txt", drive.utc_offset_h);
-  const auto ends_s = readStamps(folder + "/timestamps_end.txt", drive.utc_offset_h);
+  const auto files = filesIn("KITTI scans", drive.folder + "/velodyne_points/data", ".bin");
+  const StampFile starts(drive, "timestamps_start.txt");
+  const StampFile forward(drive, "timestamps.txt");
+  const StampFile ends(drive, "timestamps_end.txt");
   std::vector<ScanFile> scans;
   for (const auto& file : files) {
     const std::size_t number = numberOf(file);
-    if (number >= starts_s.size() || number >= ends_s.size())
-      throw InputError("scan " + file + ": no line " + std::to_string(number + 1) +
-                       " in timestamps_start.txt or timestamps_end.txt");
-    if (!(ends_s[number] > starts_s[number]))
-      throw InputError("KITTI stamps " + folder + "/timestamps_end.txt, line " + std::to_string(number + 1) +
-                       ": not after the start of the sweep");
-    if (drive.decimation.keeps(number)) scans.push_back({file, starts_s[number], ends_s[number]});
+    const ScanFile scan{file, starts.at(number), ends.at(number)};
+    if (!(scan.start_s < forward.at(number) && forward.at(number) < scan.end_s))
+      throw InputError("KITTI stamps " + forward.path + ", line " + std::to_string(number + 1) +
+                       ": not between the start and the end of the sweep");
+    if (drive.decimation.keeps(number)) scans.push_back(scan);
   }
   return scans;
 }
@@ -202,6 +213,7 @@ std::vector<float> timesOfPoints(const Cloud& cloud, double duration_s, Sweep sw
 }  // namespace
 
 ImportSummary importLog(const KittiRawDrive& drive, const std::string& log_path, const ShareDone& done) {
+  requireFolder("KITTI drive", drive.folder);
   const auto packets = readPackets(drive);
   const auto scans = findScans(drive);
   if (scans.empty()) throw InputError("KITTI scans " + drive.folder + ": the decimation keeps none");
@@ -259,6 +271,7 @@ ImportSummary importLog(const KittiRawDrive& drive, const std::string& log_path,
 }
 
 ImportSummary importLog(const KittiOdometrySequence& sequence, const std::string& log_path, const ShareDone& done) {
+  requireFolder("KITTI sequence", sequence.folder);
   const std::filesystem::path folder = std::filesystem::path(sequence.folder + "/.").parent_path();
   const auto files = filesIn("KITTI scans", (folder / "velodyne").string(), ".bin");
   const std::string calibration = (folder / "calib.txt").string();

@@ -118,7 +118,7 @@ TEST(MapFileProperty, GivesBackEveryBit) {
 
     const MapFile file(scratch.path());
     file.verify();
-    ASSERT_EQ(file.info().origin->has_value(), info.origin->has_value());
+    ASSERT_EQ(file.info().origin.has_value(), info.origin.has_value());
     if (info.origin) {
       EXPECT_EQ(file.info().origin->latitude_deg, info.origin->latitude_deg);
       EXPECT_EQ(file.info().origin->longitude_deg, info.origin->longitude_deg);

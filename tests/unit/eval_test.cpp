@@ -1,6 +1,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
 #include <cstdlib>
 #include <nlohmann/json.hpp>
@@ -225,12 +226,13 @@ TEST(Drift, OfAYawRateIsThatRate) {
 }
 
 TEST(Drift, CountsEverySegmentThatFits) {
-  const Evaluation e = evaluate(sampled("truth", 0, 10, 0.2, onStraight),
-                                sampled("estimate", 0, 10, 0.2, onStraight), {});  // 51 poses, 2 m apart
-  ASSERT_THAT(e.relative, SizeIs(3));
-  EXPECT_NEAR(static_cast<double>(e.relative[0].segments), 41,
-              1);  // rounding may cost a pose at exactly 20 m
-  EXPECT_NEAR(static_cast<double>(e.relative[2].segments), 11, 1);
+  EvalOptions options;
+  options.segment_lengths_m = {19, 79};  // poses are 2 m apart: reached after 20 and 80 of 100 m
+  const auto poses = sampled("file", 0, 10, 0.2, onStraight);
+  const Evaluation e = evaluate(poses, poses, options);
+  ASSERT_THAT(e.relative, SizeIs(2));
+  EXPECT_EQ(e.relative[0].segments, 41U);
+  EXPECT_EQ(e.relative[1].segments, 11U);
 }
 
 TEST(FrameWarning, NamesAnOffsetOfKilometres) {

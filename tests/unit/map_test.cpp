@@ -48,8 +48,8 @@ TiledMap groundMap(double tile_size_m, int size_m, int spacing_m) {
 }
 
 MapInfo someInfo(const TiledMap& map) {
-  return {{48.982, 8.3904, 116.4},     map.tileSize(),     0.25, "0.1.0",
-          "[map]\ntile_size_m = 32\n", {"morning", "noon"}};
+  return {GeodeticPoint{48.982, 8.3904, 116.4}, map.tileSize(),     0.25, "0.1.0",
+          "[map]\ntile_size_m = 32\n",          {"morning", "noon"}};
 }
 
 std::vector<KeyPose> someKeyPoses() {
@@ -182,7 +182,7 @@ TEST_F(MapFileTest, HashSeesEveryPartOfTheContentButNotTheProgram) {
   changed = info;
   changed.origin->height_m += 1e-6;
   EXPECT_NE(hashWith(map_, changed, someKeyPoses()), hash);
-  changed.origin->reset();
+  changed.origin.reset();
   EXPECT_NE(hashWith(map_, changed, someKeyPoses()), hash);
   changed = info;
   changed.sessions.emplace_back("evening");

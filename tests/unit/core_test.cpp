@@ -1,0 +1,342 @@
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include <cmath>
+#include <fstream>
+#include <iterator>
+#include <string>
+
+#include "core/errors.h"
+#include "core/labels.h"
+#include "core/options.h"
+#include "core/output_file.h"
+#include "core/trajectory.h"
+#include "core/types.h"
+#include "support/run_command.h"
+
+namespace raceloc {
+namespace {
+
+using test::TemporaryFolder;
+using ::testing::AllOf;
+using ::testing::ElementsAre;
+using ::testing::EndsWith;
+using ::testing::HasSubstr;
+using ::testing::IsEmpty;
+using ::testing::Pair;
+using ::testing::SizeIs;
+
+/** The message of the InputError that `call` must throw. */
+template <class Call>
+std::string complaint(Call call) {
+  try {
+    call();
+  } catch (const InputError& e) {
+    return e.what();
+  }
+  ADD_FAILURE() << "no InputError";
+  return "";
+}
+
+std::string textOf(const std::string& path) {
+  std::ifstream in(path);
+  return {std::istreambuf_iterator<char>(in), {}};
+}
+
+/** A file of the test's own, with this text in it. */
+std::string written(const TemporaryFolder& folder, const std::string& name, const std::string& text) {
+  std::ofstream(folder / name) << text;
+  return folder / name;
+}
+
+// ---- values
+
+TEST(Types, YawIsCounterClockwiseFromEast) {
+  EXPECT_DOUBLE_EQ(yawOf(poseFromRpy({1, 2, 3}, 0, 0, 0.5)), 0.5);
+  const Eigen::Vector3d ahead = poseFromRpy({0, 0, 0}, 0, 0, M_PI / 2) * Eigen::Vector3d(1, 0, 0);
+  EXPECT_TRUE(ahead.isApprox(Eigen::Vector3d(0, 1, 0), 1e-12));
+}
+
+TEST(Types, PositivePitchLowersTheNoseAndPositiveRollLiftsTheLeft) {  // z up, x forward, y left
+  EXPECT_LT((poseFromRpy({0, 0, 0}, 0, 0.1, 0) * Eigen::Vector3d(1, 0, 0)).z(), 0);
+  EXPECT_GT((poseFromRpy({0, 0, 0}, 0.1, 0, 0) * Eigen::Vector3d(0, 1, 0)).z(), 0);
+}
+
+TEST(Types, TransformedCloudKeepsItsIntensity) {
+  Cloud cloud;
+  cloud.push({1, 0, 0}, 0.25F);
+  const Cloud moved = transformed(cloud, poseFromRpy({10, 20, 30}, 0, 0, M_PI / 2));
+  ASSERT_EQ(moved.size(), 1U);
+  EXPECT_TRUE(moved.point(0).isApprox(Eigen::Vector3f(10, 21, 30), 1e-6F));
+  EXPECT_THAT(moved.intensity, ElementsAre(0.25F));
+}
+
+TEST(Labels, MatchShellPatterns) {
+  EXPECT_TRUE(matchesLabel("gps_*", "gps_left"));
+  EXPECT_TRUE(matchesLabel("lidar_?", "lidar_1"));
+  EXPECT_TRUE(matchesLabel("imu gps_*", "gps_left"));
+  EXPECT_TRUE(matchesLabel("imu,gps_*", "imu"));
+  EXPECT_FALSE(matchesLabel("gps_*", "imu"));
+  EXPECT_FALSE(matchesLabel("gps", "gps_left"));
+  EXPECT_FALSE(matchesLabel("lidar_?", "lidar_12"));
+  EXPECT_FALSE(matchesLabel("", "gps"));
+  EXPECT_FALSE(matchesLabel(" , ", "gps"));
+}
+
+TEST(Errors, ListedNames) {
+  EXPECT_EQ(listed({}), "none");
+  EXPECT_EQ(listed({"a"}), "a");
+  EXPECT_EQ(listed({"a", "b"}), "a, b");
+}
+
+// ---- options
+
+enum class Kernel { rbf, gaussian };
+
+struct SampleOptions {
+  double voxel_size_m = 1.5;
+  double share = 0.5;
+  int max_iterations = 30;
+  bool gated = true;
+  Kernel kernel = Kernel::rbf;
+  std::string label = "lidar";
+  void describe(OptionList& keys) {
+    keys.add("voxel_size_m", voxel_size_m, above(0), "edge of a voxel [m]");
+    keys.add("share", share, between(0, 1), "of the inliers");
+    keys.add("max_iterations", max_iterations, atLeast(1), "steps");
+    keys.add("gated", gated, "whether the gate is on");
+    keys.add("kernel", kernel, {{"rbf", Kernel::rbf}, {"gaussian", Kernel::gaussian}}, "of the covariances");
+    keys.add("label", label, "of the sensor");
+  }
+};
+
+SampleOptions loaded(const std::string& section_text) {
+  const TemporaryFolder folder;
+  IniFile ini(written(folder, "sample.ini", "[sample]\n" + section_text));
+  SampleOptions options;
+  ini.load("sample", options);
+  ini.rejectUnknownSections();
+  return options;
+}
+
+TEST(Options, ReadEveryType) {
+  const auto options = loaded(
+      "voxel_size_m = 2.5e-1\nshare=0\nmax_iterations = 7\ngated = false\nkernel = gaussian\nlabel = "
+      "velo_1\n");
+  EXPECT_EQ(options.voxel_size_m, 0.25);
+  EXPECT_EQ(options.share, 0);
+  EXPECT_EQ(options.max_iterations, 7);
+  EXPECT_FALSE(options.gated);
+  EXPECT_EQ(options.kernel, Kernel::gaussian);
+  EXPECT_EQ(options.label, "velo_1");
+}
+
+TEST(Options, AbsentKeysKeepTheirDefaults) {
+  const auto options = loaded("");
+  EXPECT_EQ(options.voxel_size_m, 1.5);
+  EXPECT_EQ(options.label, "lidar");
+}
+
+TEST(Options, CommentsBlanksAndEvaluationsAreMrpts) {
+  const auto options = loaded(
+      "; share = 9\n# share = 9\n// share = 9\n  // >= 1\n  voxel_size_m =  2   // metres\nshare = 0.25 # of "
+      "1\n"
+      "max_iterations = $eval{2*21} ; steps\n");
+  EXPECT_EQ(options.voxel_size_m, 2);
+  EXPECT_EQ(options.share, 0.25);
+  EXPECT_EQ(options.max_iterations, 42);
+}
+
+TEST(Options, KeysAndSectionsIgnoreCase) {
+  EXPECT_EQ(loaded("[SAMPLE]\nVoxel_Size_M = 2\n").voxel_size_m, 2);
+}
+
+TEST(Options, UnknownKeySuggestsTheNearest) {
+  EXPECT_THAT(complaint([] { (void)loaded("voxel_size = 2\n"); }),
+              AllOf(HasSubstr("sample.ini, section [sample]: unknown key voxel_size;"),
+                    HasSubstr("did you mean voxel_size_m?")));
+  EXPECT_THAT(complaint([] { (void)loaded("zzzzzzzzzz = 2\n"); }),
+              HasSubstr("(known: voxel_size_m, share, max_iterations, gated, kernel, label)"));
+}
+
+class BadValue : public ::testing::TestWithParam<std::pair<std::string, std::string>> {};
+
+TEST_P(BadValue, NamesKeyValueAndWhatIsAllowed) {
+  const auto& [line, allowed] = GetParam();
+  EXPECT_THAT(complaint([&] { (void)loaded(line + "\n"); }),
+              AllOf(HasSubstr("section [sample]: " + line + ", but it must be " + allowed)));
+}
+
+INSTANTIATE_TEST_SUITE_P(
+    Options, BadValue,
+    ::testing::Values(std::pair("voxel_size_m = 1,5", "> 0"), std::pair("voxel_size_m = 0x10", "> 0"),
+                      std::pair("voxel_size_m = ", "> 0"), std::pair("voxel_size_m = nan", "> 0"),
+                      std::pair("voxel_size_m = inf", "> 0"), std::pair("voxel_size_m = 1e999", "> 0"),
+                      std::pair("voxel_size_m = 2 m", "> 0"), std::pair("voxel_size_m = 0", "> 0"),
+                      std::pair("voxel_size_m = -0.5", "> 0"), std::pair("share = 1.01", "0 .. 1"),
+                      std::pair("max_iterations = 0", ">= 1, whole"),
+                      std::pair("max_iterations = 2.5", ">= 1, whole"),
+                      std::pair("max_iterations = 99999999999", ">= 1, whole"),
+                      std::pair("gated = yes", "true | false"), std::pair("gated = 1", "true | false"),
+                      std::pair("kernel = laplace", "rbf | gaussian")));
+
+TEST(Options, UnknownSectionSuggestsTheNearest) {
+  EXPECT_THAT(complaint([] { (void)loaded("[sampel]\nshare = 1\n"); }),
+              HasSubstr("unknown section [sampel]; did you mean sample?"));
+}
+
+TEST(Options, MissingFileIsNamed) {
+  EXPECT_THAT(complaint([] { IniFile("/nonexistent/live.ini"); }),
+              HasSubstr("ini /nonexistent/live.ini: cannot be read"));
+}
+
+TEST(Options, AFolderIsNoIniFile) {
+  const TemporaryFolder folder;
+  EXPECT_THAT(complaint([&] { IniFile(folder / "."); }), HasSubstr("cannot be read"));
+}
+
+TEST(Options, FreeFormSectionIsSortedByKey) {
+  const TemporaryFolder folder;
+  IniFile ini(written(folder, "columns.ini", "[columns]\nstamp_s = 3 // zero-based\nlatitude_deg = 1\n"));
+  EXPECT_THAT(ini.pairs("columns"), ElementsAre(Pair("latitude_deg", "1"), Pair("stamp_s", "3")));
+  EXPECT_NO_THROW(ini.rejectUnknownSections());
+}
+
+TEST(Options, NearestNameIsEmptyWhenNothingIsNear) {
+  EXPECT_EQ(nearestName("registraton", {"map", "registration"}), "registration");
+  EXPECT_EQ(nearestName("REGISTRATION", {"map", "registration"}), "registration");
+  EXPECT_EQ(nearestName("qqqqqq", {"map", "registration"}), "");
+  EXPECT_EQ(nearestName("x", {}), "");
+}
+
+// ---- files
+
+TEST(OutputFile, AppearsOnlyWhenCommitted) {
+  const TemporaryFolder folder;
+  OutputFile file(folder / "map.rlmap");
+  std::ofstream(file.temporaryPath()) << "whole";
+  EXPECT_THAT(file.temporaryPath(), EndsWith(".rlmap"));  // writers may look at the extension
+  EXPECT_THAT(folder.names(), SizeIs(1));
+  EXPECT_NE(access(file.path().c_str(), F_OK), 0);
+  file.commit();
+  EXPECT_THAT(folder.names(), ElementsAre("map.rlmap"));
+  EXPECT_EQ(textOf(file.path()), "whole");
+}
+
+TEST(OutputFile, LeavesNothingBehindWithoutCommit) {
+  const TemporaryFolder folder;
+  {
+    OutputFile file(folder / "map.rlmap");
+    std::ofstream(file.temporaryPath()) << "half";
+    const OutputFile taken(std::move(file));
+  }
+  EXPECT_THAT(folder.names(), IsEmpty());
+}
+
+TEST(OutputFile, KeepsTheOldFileUntilTheNewOneIsWhole) {
+  const TemporaryFolder folder;
+  const std::string path = written(folder, "race.tum", "old");
+  {
+    OutputFile file(path);
+    std::ofstream(file.temporaryPath()) << "half";
+  }
+  EXPECT_EQ(textOf(path), "old");
+  writeTextFile(path, "new");
+  EXPECT_EQ(textOf(path), "new");
+  EXPECT_THAT(folder.names(), ElementsAre("race.tum"));
+}
+
+TEST(OutputFile, ComplainsAtOnceWhereItCannotWrite) {
+  const TemporaryFolder folder;
+  const std::string file = written(folder, "file", "");
+  for (const std::string& path : {folder / "missing/race.tum", file + "/race.tum", folder / "."})
+    EXPECT_THAT(complaint([&] { OutputFile output(path); }),
+                HasSubstr("output " + path + ": cannot be written"));
+  EXPECT_THAT(folder.names(), ElementsAre("file"));
+}
+
+TEST(OutputFile, ComplainsAboutAFolderWithoutRights) {
+  if (geteuid() == 0) GTEST_SKIP() << "root may write anywhere";
+  const TemporaryFolder folder;
+  const std::string closed = folder / "closed";
+  ASSERT_EQ(mkdir(closed.c_str(), 0555), 0);
+  EXPECT_THAT(complaint([&] { OutputFile output(closed + "/race.tum"); }),
+              HasSubstr("closed/race.tum: cannot be written"));
+}
+
+TEST(OutputFile, ComplainsWhenItsTemporaryIsGone) {
+  const TemporaryFolder folder;
+  OutputFile file(folder / "race.tum");
+  ASSERT_EQ(unlink(file.temporaryPath().c_str()), 0);
+  EXPECT_THAT(complaint([&] { file.commit(); }), HasSubstr("race.tum: cannot be written"));
+}
+
+// ---- trajectories
+
+constexpr char kPose[] = "1.5 1 2 3 0 0 0 1\n";
+
+std::string tumComplaint(const std::string& text) {
+  const TemporaryFolder folder;
+  const std::string path = written(folder, "race.tum", text);
+  return complaint([&] { (void)readTum(path); });
+}
+
+TEST(Tum, ReadsPosesOriginCommentsAndBlankLines) {
+  const TemporaryFolder folder;
+  const Trajectory trajectory =
+      readTum(written(folder, "race.tum",
+                      "# map origin (WGS84 lat_deg lon_deg height_m): 45.5 9.25 180.125\n"
+                      "# stamp x y z qx qy qz qw\r\n\n"
+                      "1.5 1 -2 3e0 0 0 0 1\r\n"
+                      "2.5\t4 5 6 0 0 0.6 0.8\n"));
+  ASSERT_TRUE(trajectory.origin);
+  EXPECT_EQ(trajectory.origin->latitude_deg, 45.5);
+  EXPECT_EQ(trajectory.origin->longitude_deg, 9.25);
+  EXPECT_EQ(trajectory.origin->height_m, 180.125);
+  ASSERT_THAT(trajectory.poses, SizeIs(2));
+  EXPECT_EQ(trajectory.poses[0].stamp_s, 1.5);
+  EXPECT_EQ(trajectory.poses[0].T_map_body.translation(), Eigen::Vector3d(1, -2, 3));
+  EXPECT_NEAR(yawOf(trajectory.poses[1].T_map_body), 2 * std::atan2(0.6, 0.8), 1e-12);
+}
+
+TEST(Tum, ErrorsNameFileAndLine) {
+  const std::string good = kPose;
+  EXPECT_THAT(tumComplaint(good + "2.5 1 2 3 0 0 0\n"),
+              AllOf(HasSubstr("race.tum, line 2: not eight numbers"), HasSubstr("2.5 1 2 3 0 0 0")));
+  EXPECT_THAT(tumComplaint(good + "2.5 1 2 3 0 0 0 1 9\n"), HasSubstr("line 2: not eight numbers"));
+  EXPECT_THAT(tumComplaint("# comment\n\n2,5 1 2 3 0 0 0 1\n"), HasSubstr("line 3: not eight numbers"));
+  EXPECT_THAT(tumComplaint(good + "2.5 nan 2 3 0 0 0 1\n"), HasSubstr("line 2: not eight numbers"));
+  EXPECT_THAT(tumComplaint("1.5 1 2 3 0 0 0 1.01\n"),
+              HasSubstr("line 1: the quaternion is not of unit length"));
+  EXPECT_THAT(tumComplaint("1.5 1 2 3 0 0 0 0\n"), HasSubstr("line 1: the quaternion is not of unit length"));
+  EXPECT_THAT(tumComplaint(good + good), HasSubstr("line 2: stamps must increase"));
+  EXPECT_THAT(tumComplaint(good + "1.4 1 2 3 0 0 0 1\n"), HasSubstr("line 2: stamps must increase"));
+  EXPECT_THAT(tumComplaint("# map origin (WGS84 lat_deg lon_deg height_m): 45.5 east 180\n" + good),
+              HasSubstr("line 1: unreadable origin"));
+}
+
+TEST(Tum, EmptyAndMissingFilesAreNamed) {
+  EXPECT_THAT(tumComplaint(""), HasSubstr("race.tum: holds no pose"));
+  EXPECT_THAT(tumComplaint("# only a comment\n"), HasSubstr("race.tum: holds no pose"));
+  const TemporaryFolder folder;
+  EXPECT_THAT(complaint([&] { (void)readTum(folder / "."); }), HasSubstr("cannot be read"));
+  EXPECT_THAT(complaint([] { (void)readTum("/nonexistent/race.tum"); }),
+              HasSubstr("trajectory /nonexistent/race.tum: cannot be read"));
+}
+
+TEST(Tum, OtherReadersSeeEightColumnsAndComments) {
+  const TemporaryFolder folder;
+  Trajectory trajectory;
+  trajectory.origin = GeodeticPoint{45.5, 9.25, 180};
+  trajectory.poses.push_back({1317042651.258615, poseFromRpy({1, -2, 3.5}, 0, 0, 0)});
+  writeTum(folder / "race.tum", trajectory);
+  EXPECT_EQ(textOf(folder / "race.tum"),
+            "# map origin (WGS84 lat_deg lon_deg height_m): 45.5000000000 9.2500000000 180.0000\n"
+            "# stamp_s x_m y_m z_m qx qy qz qw\n"
+            "1317042651.258615 1.0000 -2.0000 3.5000 0.000000000 0.000000000 0.000000000 1.000000000\n");
+}
+
+}  // namespace
+}  // namespace raceloc
