@@ -78,7 +78,8 @@ void Progress::operator()(double share) {
   const int done = static_cast<int>(share * kWidth);
   std::string bar(kWidth, '.');
   bar.replace(0, static_cast<std::size_t>(done), static_cast<std::size_t>(done), '#');
-  std::fprintf(stderr, "\r\033[K%s [%s] %3.0f %%, %.0f s left", x_what.c_str(), bar.c_str(), 100 * share, left_s);
+  std::fprintf(stderr, "\r\033[K%s [%s] %3.0f %%, %.0f s left", x_what.c_str(), bar.c_str(), 100 * share,
+               left_s);
   std::fflush(stderr);
 }
 

@@ -11,13 +11,13 @@
 
 namespace raceloc {
 
-/** Runs `body` and turns how it ends into what the user sees: 0 when it returns; one line on stderr and 2 for an
- * InputError (bad arguments are one); the line of the exception and 1 for anything else. */
+/** Runs `body` and turns how it ends into what the user sees: 0 when it returns; one line on stderr and 2 for
+ * an InputError (bad arguments are one); the line of the exception and 1 for anything else. */
 int runApp(const std::string& name, const std::function<void()>& body);
 
-/** A command line in MRPT's manner. `summary` is what `--help` prints first, line by line as given: NAME, what it does,
- * EXAMPLES, EXIT STATUS. parse() returns false after `--help` or `--version`: the app then just returns.
- * \throws InputError (from parse) for arguments that do not fit. */
+/** A command line in MRPT's manner. `summary` is what `--help` prints first, line by line as given: NAME,
+ * what it does, EXAMPLES, EXIT STATUS. parse() returns false after `--help` or `--version`: the app then just
+ * returns. \throws InputError (from parse) for arguments that do not fit. */
 class CommandLine : public TCLAP::CmdLine {
  public:
   explicit CommandLine(const std::string& summary);
@@ -29,8 +29,8 @@ class CommandLine : public TCLAP::CmdLine {
   std::unique_ptr<TCLAP::CmdLineOutput> x_output;
 };
 
-/** A line on stderr that is drawn again at most five times a second, with the time left; silent when stderr is no
- * terminal. */
+/** A line on stderr that is drawn again at most five times a second, with the time left; silent when stderr
+ * is no terminal. */
 class Progress {
  public:
   explicit Progress(std::string what);

@@ -133,7 +133,8 @@ using Text = TCLAP::ValueArg<std::string>;
 double numberOf(Text& option, const Range& range) {
   const auto number = parseNumber(option.getValue());
   if (!number || !range.holds(*number))
-    throw InputError("--" + option.getName() + " " + option.getValue() + ": must be a number " + range.text());
+    throw InputError("--" + option.getName() + " " + option.getValue() + ": must be a number " +
+                     range.text());
   return *number;
 }
 
@@ -167,20 +168,25 @@ class FormatLine {
   explicit FormatLine(const char* manual) : line(manual) {
     output = std::make_unique<Text>("o", "output", "rawlog to write", true, "", "LOG", line);
   }
-  Text& add(const std::string& name, const std::string& meaning, const std::string& value, const std::string& kind) {
+  Text& add(const std::string& name, const std::string& meaning, const std::string& value,
+            const std::string& kind) {
     return *options.emplace_back(std::make_unique<Text>("", name, meaning, false, value, kind, line));
   }
   Text& addDecimate() {
-    return add("decimate", "LiDAR scans to keep: even, odd, or every Nth (default 1: all)", "1", "even|odd|N");
+    return add("decimate", "LiDAR scans to keep: even, odd, or every Nth (default 1: all)", "1",
+               "even|odd|N");
   }
   Text& addTruth() { return add("truth", "write the true trajectory, TUM", "", "FILE"); }
   Text& addNoise() {
-    return add("gps-noise-m", "white noise on each horizontal axis of GPS and INS positions; covariances stay as they "
-                              "are [m] (default 0)", "0", "M");
+    return add("gps-noise-m",
+               "white noise on each horizontal axis of GPS and INS positions; covariances stay as they "
+               "are [m] (default 0)",
+               "0", "M");
   }
   Text& addSeed() { return add("seed", "of the noise (default 1)", "1", "N"); }
   Text& addLidarPose() {
-    return add("lidar-pose", "LiDAR in the body [m, deg] (default: zeros)", "0 0 0 0 0 0", "\"x y z roll pitch yaw\"");
+    return add("lidar-pose", "LiDAR in the body [m, deg] (default: zeros)", "0 0 0 0 0 0",
+               "\"x y z roll pitch yaw\"");
   }
 
   /** False after `--help` or `--version`. */
@@ -215,12 +221,14 @@ std::optional<ImportArgs> parseKittiRaw(const Words& words) {
   Text& decimate = f.addDecimate();
   Text& noise = f.addNoise();
   Text& seed = f.addSeed();
-  Text& sweep = f.add("sweep", "how the LiDAR turns, seen from above: ccw (default), cw, or none for no times of "
-                                     "points", "ccw", "ccw|cw|none");
+  Text& sweep = f.add("sweep",
+                      "how the LiDAR turns, seen from above: ccw (default), cw, or none for no times of "
+                      "points",
+                      "ccw", "ccw|cw|none");
   Text& offset = f.add("utc-offset-h", "of the stamps, which have no zone [h] (default 2: CEST)", "2", "H");
   Text& imu = f.add("imu", "IMU in the body [m] (default: KITTI's)", "", "\"x y z\"");
   Text& origin = f.add("origin", "of the map frame (default: the drive's first position)", "",
-                             "\"lat_deg lon_deg height_m\"");
+                       "\"lat_deg lon_deg height_m\"");
   if (!f.parse(words)) return std::nullopt;
   drive.folder = folder.getValue();
   drive.decimation = parseDecimation(decimate.getValue());
@@ -244,8 +252,8 @@ std::optional<ImportArgs> parseKittiOdometry(const Words& words) {
   Position folder("SEQ_DIR", "folder of the sequence, .../sequences/NN", true, "", "SEQ_DIR", f.line);
   Text& truth = f.addTruth();
   Text& decimate = f.addDecimate();
-  Text& first = f.add("first-number", "scan number that goes with the first pose (default: the first scan's)", "",
-                            "N");
+  Text& first =
+      f.add("first-number", "scan number that goes with the first pose (default: the first scan's)", "", "N");
   Text& lidar = f.add("lidar", "LiDAR in the body [m] (default: KITTI's)", "", "\"x y z\"");
   if (!f.parse(words)) return std::nullopt;
   sequence.folder = folder.getValue();
@@ -269,7 +277,8 @@ std::optional<ImportArgs> parsePcd(const Words& words) {
   if (!f.parse(words)) return std::nullopt;
   source.folder = folder.getValue();
   source.poses_path = poses.getValue();
-  if (truth.isSet() && !poses.isSet()) throw InputError("--truth needs --poses: PCD files have no truth of their own");
+  if (truth.isSet() && !poses.isSet())
+    throw InputError("--truth needs --poses: PCD files have no truth of their own");
   source.decimation = parseDecimation(decimate.getValue());
   source.rate_hz = numberOf(rate, above(0));
   source.label = label.getValue();
@@ -281,7 +290,8 @@ std::optional<ImportArgs> parsePcd(const Words& words) {
 std::optional<ImportArgs> parseCsv(const Words& words) {
   FormatLine f(kCsv);
   CsvLog source;
-  Position folder("DIR", "folder of the CSV files (default: the current one)", false, source.folder, "DIR", f.line);
+  Position folder("DIR", "folder of the CSV files (default: the current one)", false, source.folder, "DIR",
+                  f.line);
   Text ini("c", "config", "ini file with the column map", true, "", "INI", f.line);
   Text& noise = f.addNoise();
   Text& seed = f.addSeed();
@@ -301,13 +311,14 @@ std::optional<ImportArgs> parsePcap(const Words& words) {
   Text& calibration = f.add("calibration", "the maker's XML file (obligatory for an HDL-64)", "", "FILE");
   Text& label = f.add("label", "of the LiDAR in the rawlog (default lidar_top)", source.label, "LABEL");
   Text& lidar = f.addLidarPose();
-  Text& height = f.add("height-m", "of the GPS above the ellipsoid, which RMC lacks [m] (default 0)", "0", "M");
+  Text& height =
+      f.add("height-m", "of the GPS above the ellipsoid, which RMC lacks [m] (default 0)", "0", "M");
   if (!f.parse(words)) return std::nullopt;
   source.path = path.getValue();
   source.decimation = parseDecimation(decimate.getValue());
-  source.model = choiceOf<VelodyneModel>(model, {{"vlp16", VelodyneModel::vlp16},
-                                                 {"hdl32", VelodyneModel::hdl32},
-                                                 {"hdl64", VelodyneModel::hdl64}});
+  source.model = choiceOf<VelodyneModel>(
+      model,
+      {{"vlp16", VelodyneModel::vlp16}, {"hdl32", VelodyneModel::hdl32}, {"hdl64", VelodyneModel::hdl64}});
   source.calibration_path = calibration.getValue();
   source.label = label.getValue();
   source.T_body_lidar = poseOf(lidar);
@@ -344,13 +355,17 @@ std::optional<ImportArgs> parseImportArgs(int argc, char** argv) {
 }
 
 ImportSummary runImport(const ImportArgs& args) {
-  if (!args.truth_path.empty()) const OutputFile writable(args.truth_path);  // fails before the long work, not after
+  if (!args.truth_path.empty())
+    const OutputFile writable(args.truth_path);  // fails before the long work, not after
   Progress progress("importing");
   auto summary = std::visit(
-      [&](const auto& source) { return importLog(source, args.log_path, [&](double share) { progress(share); }); },
+      [&](const auto& source) {
+        return importLog(source, args.log_path, [&](double share) { progress(share); });
+      },
       args.source);
   if (args.truth_path.empty()) return summary;
-  if (!summary.truth) throw InputError("output " + args.truth_path + ": the recording has no truth; the rawlog is written");
+  if (!summary.truth)
+    throw InputError("output " + args.truth_path + ": the recording has no truth; the rawlog is written");
   writeTum(args.truth_path, *summary.truth);
   return summary;
 }

@@ -35,16 +35,21 @@ EXIT STATUS
 
 void print(const ReplayReport& r) {
   std::printf("device           %s\n", r.device_reason.c_str());
-  std::printf("recording        %.1f s; %zu outputs (%zu by dead reckoning alone), %zu tile loads\n", r.recorded_s,
-              r.outputs, r.dead_reckoned, r.tile_loads);
-  if (r.dropped_late > 0) std::printf("dropped          %zu samples, out of order beyond the window\n", r.dropped_late);
+  std::printf("recording        %.1f s; %zu outputs (%zu by dead reckoning alone), %zu tile loads\n",
+              r.recorded_s, r.outputs, r.dead_reckoned, r.tile_loads);
+  if (r.dropped_late > 0)
+    std::printf("dropped          %zu samples, out of order beyond the window\n", r.dropped_late);
   if (r.disabled_samples > 0) std::printf("disabled         %zu samples, as asked\n", r.disabled_samples);
-  std::printf("scan match       %zu of %zu sweeps trusted; residual %.3f m across the surface, inlier share %.2f, %.0f "
-              "iterations (medians)\n",
-              r.trusted_matches, r.scans, r.match_residual_m, r.match_inlier_share, r.match_iterations);
-  std::printf("gate             rule 1 (primary) %zu, 2 (weighted) %zu, 3 (some rejected) %zu, 4 (all rejected) %zu; %zu "
-              "alarms\n",
-              r.rule_counts[1], r.rule_counts[2], r.rule_counts[3], r.rule_counts[4], r.alarms);
+  std::printf(
+      "scan match       %zu of %zu sweeps trusted; residual %.3f m across the surface, inlier share %.2f, "
+      "%.0f "
+      "iterations (medians)\n",
+      r.trusted_matches, r.scans, r.match_residual_m, r.match_inlier_share, r.match_iterations);
+  std::printf(
+      "gate             rule 1 (primary) %zu, 2 (weighted) %zu, 3 (some rejected) %zu, 4 (all rejected) %zu; "
+      "%zu "
+      "alarms\n",
+      r.rule_counts[1], r.rule_counts[2], r.rule_counts[3], r.rule_counts[4], r.alarms);
   std::printf("scan to pose     %.1f ms median, %.1f ms p99\n", 1e3 * r.match_median_s, 1e3 * r.match_p99_s);
 }
 
@@ -56,10 +61,12 @@ std::optional<LiveArgs> parseLiveArgs(int argc, char** argv) {
   TCLAP::ValueArg<std::string> map("m", "map", "the map, made by raceloc-map", false, "", "MAP.rlmap", cmd);
   TCLAP::ValueArg<std::string> log("i", "input", "the log to play", false, "", "RACE.rawlog", cmd);
   TCLAP::ValueArg<std::string> out("o", "output", "annotated rawlog to write", false, "", "OUT.rawlog", cmd);
-  TCLAP::ValueArg<std::string> trajectory("", "trajectory", "estimate to write (TUM)", false, "", "RACE.tum", cmd);
-  TCLAP::ValueArg<std::string> disable("", "disable", "switch off the sources of these labels, e.g. 'gps_*'", false, "",
-                                       "LABELS", cmd);
-  TCLAP::ValueArg<double> after("", "disable-after", "but hear them for this long first [s]", false, 1.0, "SECONDS", cmd);
+  TCLAP::ValueArg<std::string> trajectory("", "trajectory", "estimate to write (TUM)", false, "", "RACE.tum",
+                                          cmd);
+  TCLAP::ValueArg<std::string> disable("", "disable", "switch off the sources of these labels, e.g. 'gps_*'",
+                                       false, "", "LABELS", cmd);
+  TCLAP::ValueArg<double> after("", "disable-after", "but hear them for this long first [s]", false, 1.0,
+                                "SECONDS", cmd);
   TCLAP::SwitchArg print_ini("", "print-ini", "print every key with its default and end", cmd);
   TCLAP::SwitchArg verbose("v", "verbose", "also print the options in force", cmd);
   if (!cmd.parse(argc, argv)) return std::nullopt;
@@ -69,9 +76,9 @@ std::optional<LiveArgs> parseLiveArgs(int argc, char** argv) {
     if (!map.isSet()) throw InputError("no map given: -m MAP.rlmap (see --help)");
     if (!log.isSet()) throw InputError("no log given: -i RACE.rawlog (see --help)");
   }
-  LiveArgs args{ini.getValue(),        map.getValue(), log.getValue(), out.getValue(),
-                trajectory.getValue(), std::nullopt,   std::nullopt,   verbose.getValue(),
-                print_ini.getValue()};
+  LiveArgs args{ini.getValue(), map.getValue(),        log.getValue(),
+                out.getValue(), trajectory.getValue(), std::nullopt,
+                std::nullopt,   verbose.getValue(),    print_ini.getValue()};
   if (disable.isSet()) args.disable_labels = disable.getValue();
   if (after.isSet()) {
     if (!(after.getValue() >= 0)) throw InputError("--disable-after must be >= 0 s");
@@ -103,8 +110,8 @@ void runLive(const LiveArgs& args) {
 
   print(*report);
   const double wall_s = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
-  std::printf("run              %.1f s wall for %.1f s recorded, peak memory %.0f MiB\n", wall_s, report->recorded_s,
-              peakMemory_MiB());
+  std::printf("run              %.1f s wall for %.1f s recorded, peak memory %.0f MiB\n", wall_s,
+              report->recorded_s, peakMemory_MiB());
 }
 
 }  // namespace raceloc

@@ -38,13 +38,14 @@ std::string besides(const std::string& map_path, const std::string& extension) {
 
 void print(const MapReport& r, const MapInfo& info) {
   std::printf("device           %s\n", r.device_reason.c_str());
-  std::printf("recording        %.1f s, %.0f m, %zu scans (%zu trusted, %zu de-skewed by wheel speed)\n", r.recorded_s,
-              r.length_m, r.scans, r.trusted_scans, r.scans_by_wheels);
-  if (r.dropped_late > 0) std::printf("dropped          %zu samples, out of order beyond the window\n", r.dropped_late);
-  std::printf("scan match       residual %.3f m across the surface, inlier share %.2f (medians)\n", r.match_residual_m,
-              r.match_inlier_share);
-  std::printf("pose graph       %zu key poses, %zu with GPS, %zu with INS attitude; cost %.4g -> %.4g\n", r.key_poses,
-              r.gps_factors, r.attitude_factors, r.graph_initial_cost, r.graph_final_cost);
+  std::printf("recording        %.1f s, %.0f m, %zu scans (%zu trusted, %zu de-skewed by wheel speed)\n",
+              r.recorded_s, r.length_m, r.scans, r.trusted_scans, r.scans_by_wheels);
+  if (r.dropped_late > 0)
+    std::printf("dropped          %zu samples, out of order beyond the window\n", r.dropped_late);
+  std::printf("scan match       residual %.3f m across the surface, inlier share %.2f (medians)\n",
+              r.match_residual_m, r.match_inlier_share);
+  std::printf("pose graph       %zu key poses, %zu with GPS, %zu with INS attitude; cost %.4g -> %.4g\n",
+              r.key_poses, r.gps_factors, r.attitude_factors, r.graph_initial_cost, r.graph_final_cost);
   if (info.origin)
     std::printf("georeference     origin %.7f %.7f deg, %.2f m; GPS against the map %.3f m rmse\n",
                 info.origin->latitude_deg, info.origin->longitude_deg, info.origin->height_m, r.gps_rmse_m);
@@ -52,8 +53,8 @@ void print(const MapReport& r, const MapInfo& info) {
     std::printf("georeference     NONE: the log has no GPS; raceloc-live will refuse this map\n");
   std::printf("map              %zu points in %zu tiles\n", r.points, r.tiles);
   if (r.walls.cells > 0)
-    std::printf("wall thickness   %.3f m median, %.3f m p90, over %zu pieces of wall\n", r.walls.median_m, r.walls.p90_m,
-                r.walls.cells);
+    std::printf("wall thickness   %.3f m median, %.3f m p90, over %zu pieces of wall\n", r.walls.median_m,
+                r.walls.p90_m, r.walls.cells);
   else
     std::printf("wall thickness   not measured: no piece of wall with enough points\n");
 }
@@ -64,10 +65,11 @@ std::optional<MapArgs> parseMapArgs(int argc, char** argv) {
   CommandLine cmd(kHelp);
   TCLAP::ValueArg<std::string> ini("c", "config", "options; see --print-ini", false, "", "INI", cmd);
   TCLAP::ValueArg<std::string> out("o", "output", "the map to write", false, "", "MAP.rlmap", cmd);
-  TCLAP::ValueArg<std::string> odometry("", "odometry", "also write the LiDAR odometry before the graph, in its own frame (TUM)",
-                                        false, "", "FILE.tum", cmd);
-  TCLAP::ValueArg<std::string> trajectory("", "trajectory", "also write the key poses in the map frame (TUM)", false, "",
-                                          "FILE.tum", cmd);
+  TCLAP::ValueArg<std::string> odometry(
+      "", "odometry", "also write the LiDAR odometry before the graph, in its own frame (TUM)", false, "",
+      "FILE.tum", cmd);
+  TCLAP::ValueArg<std::string> trajectory("", "trajectory", "also write the key poses in the map frame (TUM)",
+                                          false, "", "FILE.tum", cmd);
   TCLAP::SwitchArg print_ini("", "print-ini", "print every key with its default and end", cmd);
   TCLAP::SwitchArg verbose("v", "verbose", "also print the options in force and the time taken", cmd);
   TCLAP::UnlabeledValueArg<std::string> log("rawlog", "the survey log", false, "", "SURVEY.rawlog", cmd);
@@ -78,7 +80,7 @@ std::optional<MapArgs> parseMapArgs(int argc, char** argv) {
     if (!ini.isSet()) throw InputError("no options given: -c ini/map.ini (see --help)");
     if (!out.isSet()) throw InputError("no output given: -o MAP.rlmap (see --help)");
   }
-  return MapArgs{ini.getValue(),      log.getValue(),     out.getValue(),      odometry.getValue(),
+  return MapArgs{ini.getValue(),        log.getValue(),     out.getValue(),      odometry.getValue(),
                  trajectory.getValue(), verbose.getValue(), print_ini.getValue()};
 }
 
@@ -89,7 +91,8 @@ void runMap(const MapArgs& args) {
   }
   const MapperOptions options = MapperOptions::fromIni(args.ini_path);
   if (args.verbose) std::cout << options.iniText() << "\n";
-  const OutputFile probe(args.map_path);  // an output that cannot be written is told before the work, not after
+  const OutputFile probe(
+      args.map_path);  // an output that cannot be written is told before the work, not after
 
   const auto start = std::chrono::steady_clock::now();
   std::optional<BuiltMap> built;
@@ -109,8 +112,8 @@ void runMap(const MapArgs& args) {
 
   print(built->report, built->info);
   const double wall_s = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
-  std::printf("run              %.1f s wall for %.1f s recorded, peak memory %.0f MiB\n", wall_s, built->report.recorded_s,
-              peakMemory_MiB());
+  std::printf("run              %.1f s wall for %.1f s recorded, peak memory %.0f MiB\n", wall_s,
+              built->report.recorded_s, peakMemory_MiB());
   std::printf("written          %s\n", args.map_path.c_str());
 }
 

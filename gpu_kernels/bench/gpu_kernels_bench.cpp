@@ -1,9 +1,9 @@
 /** \file
- * Times of the kernels on the real scan pair (69.8k and 69.1k points): one thread of the CPU, and CUDA where
- * it is. */
+ * Times of the kernels on the real scan pair (69.8k and 69.1k points): argument 0 is one thread of the CPU, 1
+ * is CUDA. */
 #include <benchmark/benchmark.h>
 
-#include <iostream>
+#include <stdexcept>
 
 #include "raceloc/gpu/covariance.h"
 #include "raceloc/gpu/matcher.h"
@@ -16,77 +16,103 @@ namespace {
 constexpr float kLeaf_m = 0.25F;
 constexpr double kVoxel_m = 1.0;
 
-void voxelGridOf(benchmark::State& state, Context& context, const Points& scan) {
-  for (auto _ : state) benchmark::DoNotOptimize(voxelGrid(context, scan.view(), kLeaf_m));
-  state.SetItemsProcessed(state.iterations() * static_cast<std::int64_t>(scan.size()));
+struct Scans {
+  test::ScanPair raw;
+  Points source, target;  ///< one point a voxel of kLeaf_m
+};
+
+const Scans& scans() {
+  static const Scans loaded = [] {
+    const auto pair = test::readScanPair(GK_SHARED_DATA);
+    if (!pair) throw std::runtime_error(std::string("no scan pair in ") + GK_SHARED_DATA);
+    Context cpu(Backend::cpu);
+    return Scans{*pair, voxelGrid(cpu, pair->source.view(), kLeaf_m),
+                 voxelGrid(cpu, pair->target.view(), kLeaf_m)};
+  }();
+  return loaded;
 }
 
-void covariancesOf(benchmark::State& state, Context& context, const Points& cloud, Weight weight) {
-  CovarianceOptions options;
-  options.weight = weight;
-  for (auto _ : state) benchmark::DoNotOptimize(covariances(context, cloud.view(), options));
-  state.SetItemsProcessed(state.iterations() * static_cast<std::int64_t>(cloud.size()));
-}
-
-void insertOf(benchmark::State& state, Context& context, const Points& cloud) {
-  const Covariances C = covariances(context, cloud.view(), {});
-  for (auto _ : state) {
-    VoxelMap map(context, kVoxel_m);
-    benchmark::DoNotOptimize(map.insert(cloud.view(), C.view(), {}));
+/** Runs the body on the device of the argument, or says why not. */
+template <class Body>
+void onDevice(benchmark::State& state, const Body& body) {
+  try {
+    Context context(state.range(0) == 0 ? Backend::cpu : Backend::cuda);
+    body(context);
+  } catch (const std::runtime_error& reason) {
+    state.SkipWithError(reason.what());
   }
-  state.SetItemsProcessed(state.iterations() * static_cast<std::int64_t>(cloud.size()));
 }
 
-void matchOf(benchmark::State& state, Context& context, const Points& source, const Points& target,
-             int voxels) {
-  const Covariances C_source = covariances(context, source.view(), {});
-  VoxelMap map(context, kVoxel_m);
-  map.insert(target.view(), covariances(context, target.view(), {}).view(), {});
-  MatchOptions options;
-  options.neighbour_voxels = voxels;
-  Match result;
-  for (auto _ : state) result = match(context, source.view(), C_source.view(), map, {}, options);
-  state.counters["iterations"] = result.iterations;
-  state.counters["converged"] = result.stop == Stop::converged ? 1 : 0;
+void BM_VoxelGrid(benchmark::State& state) {
+  onDevice(state, [&](Context& context) {
+    const Points& scan = scans().raw.source;
+    while (state.KeepRunning()) benchmark::DoNotOptimize(voxelGrid(context, scan.view(), kLeaf_m));
+    state.SetItemsProcessed(state.iterations() * static_cast<std::int64_t>(scan.size()));
+  });
 }
+BENCHMARK(BM_VoxelGrid)->DenseRange(0, 1)->UseRealTime()->Unit(benchmark::kMillisecond);
+
+void BM_Covariances(benchmark::State& state, Weight weight) {
+  onDevice(state, [&](Context& context) {
+    CovarianceOptions options;
+    options.weight = weight;
+    const Points& cloud = scans().source;
+    while (state.KeepRunning()) benchmark::DoNotOptimize(covariances(context, cloud.view(), options));
+    state.SetItemsProcessed(state.iterations() * static_cast<std::int64_t>(cloud.size()));
+  });
+}
+BENCHMARK_CAPTURE(BM_Covariances, rbf, Weight::rbf)
+    ->DenseRange(0, 1)
+    ->UseRealTime()
+    ->Unit(benchmark::kMillisecond);
+BENCHMARK_CAPTURE(BM_Covariances, gaussian, Weight::gaussian)
+    ->DenseRange(0, 1)
+    ->UseRealTime()
+    ->Unit(benchmark::kMillisecond);
+BENCHMARK_CAPTURE(BM_Covariances, polynomial, Weight::polynomial)
+    ->DenseRange(0, 1)
+    ->UseRealTime()
+    ->Unit(benchmark::kMillisecond);
+BENCHMARK_CAPTURE(BM_Covariances, hist, Weight::hist)
+    ->DenseRange(0, 1)
+    ->UseRealTime()
+    ->Unit(benchmark::kMillisecond);
+BENCHMARK_CAPTURE(BM_Covariances, laplacian, Weight::laplacian)
+    ->DenseRange(0, 1)
+    ->UseRealTime()
+    ->Unit(benchmark::kMillisecond);
+
+void BM_MapInsert(benchmark::State& state) {
+  onDevice(state, [&](Context& context) {
+    const Points& cloud = scans().target;
+    const Covariances C = covariances(context, cloud.view(), {});
+    while (state.KeepRunning()) {
+      VoxelMap map(context, kVoxel_m);
+      benchmark::DoNotOptimize(map.insert(cloud.view(), C.view(), {}));
+    }
+    state.SetItemsProcessed(state.iterations() * static_cast<std::int64_t>(cloud.size()));
+  });
+}
+BENCHMARK(BM_MapInsert)->DenseRange(0, 1)->UseRealTime()->Unit(benchmark::kMillisecond);
+
+/** Second argument: voxels tried around a point. */
+void BM_Match(benchmark::State& state) {
+  onDevice(state, [&](Context& context) {
+    const Points &source = scans().source, &target = scans().target;
+    const Covariances C = covariances(context, source.view(), {});
+    VoxelMap map(context, kVoxel_m);
+    map.insert(target.view(), covariances(context, target.view(), {}).view(), {});
+    MatchOptions options;
+    options.neighbour_voxels = static_cast<int>(state.range(1));
+    Match result;
+    while (state.KeepRunning()) result = match(context, source.view(), C.view(), map, {}, options);
+    state.counters["iterations"] = result.iterations;
+    state.counters["converged"] = result.stop == Stop::converged ? 1 : 0;
+  });
+}
+BENCHMARK(BM_Match)->ArgsProduct({{0, 1}, {1, 7}})->UseRealTime()->Unit(benchmark::kMillisecond);
 
 }  // namespace
 }  // namespace raceloc::gpu
 
-int main(int argc, char** argv) {
-  using namespace raceloc::gpu;
-  benchmark::Initialize(&argc, argv);
-  const auto pair = test::readScanPair(GK_SHARED_DATA);
-  if (!pair) {
-    std::cerr << "no scan pair in " << GK_SHARED_DATA << '\n';
-    return 2;
-  }
-  std::vector<Context> contexts;
-  contexts.emplace_back(Backend::cpu);
-  try {
-    contexts.emplace_back(Backend::cuda);
-  } catch (const DeviceError& reason) {
-    std::cerr << "CUDA: " << reason.what() << '\n';
-  }
-  const Points source = voxelGrid(contexts[0], pair->source.view(), kLeaf_m);
-  const Points target = voxelGrid(contexts[0], pair->target.view(), kLeaf_m);
-  for (Context& context : contexts) {
-    const std::string device = context.backend() == Backend::cpu ? "/cpu" : "/cuda";
-    const auto bench = [&](const std::string& name, auto&& body) {
-      benchmark::RegisterBenchmark((name + device).c_str(), body)
-          ->Unit(benchmark::kMillisecond)
-          ->UseRealTime();
-    };
-    bench("voxel_grid", [&](auto& s) { voxelGridOf(s, context, pair->source); });
-    bench("covariances/rbf", [&](auto& s) { covariancesOf(s, context, source, Weight::rbf); });
-    bench("covariances/gaussian", [&](auto& s) { covariancesOf(s, context, source, Weight::gaussian); });
-    bench("covariances/polynomial", [&](auto& s) { covariancesOf(s, context, source, Weight::polynomial); });
-    bench("covariances/hist", [&](auto& s) { covariancesOf(s, context, source, Weight::hist); });
-    bench("covariances/laplacian", [&](auto& s) { covariancesOf(s, context, source, Weight::laplacian); });
-    bench("map_insert", [&](auto& s) { insertOf(s, context, target); });
-    bench("match/1", [&](auto& s) { matchOf(s, context, source, target, 1); });
-    bench("match/7", [&](auto& s) { matchOf(s, context, source, target, 7); });
-  }
-  benchmark::RunSpecifiedBenchmarks();
-  return 0;
-}
+BENCHMARK_MAIN();

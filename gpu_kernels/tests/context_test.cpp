@@ -39,7 +39,7 @@ TEST_F(Environment, OverridesTheArgument) {
   ::setenv("RACELOC_BACKEND", "cuda", 1);
   EXPECT_THROW(Context(Backend::cpu, 1000), DeviceError);
   ::setenv("RACELOC_BACKEND", "gpu", 1);
-  EXPECT_THROW(Context(Backend::cpu), std::invalid_argument);
+  EXPECT_THROW(Context{Backend::cpu}, std::invalid_argument);
   ::setenv("RACELOC_BACKEND", "", 1);
   EXPECT_EQ(Context(Backend::cpu).backend(), Backend::cpu);
 }

@@ -159,7 +159,7 @@ TEST(SolveStep, SolvesAndRefuses) {
     for (std::size_t j = 0; j < 6; ++j) left += at.H[6 * i + j] * (*xi)[j];
     EXPECT_NEAR(left, 0, 1e-9);
   }
-  for (std::size_t j = 0; j < 6; ++j) at.H[6 * 5 + j] = at.H[6 * j + 5] = at.H[6 * 4 + j];
+  for (std::size_t j = 0; j < 6; ++j) at.H[30 + j] = at.H[6 * j + 5] = at.H[24 + j];
   at.H[35] = at.H[28];  // rows 4 and 5 alike
   EXPECT_FALSE(solveStep(at, 0));
   EXPECT_FALSE(solveStep(Linearization{}, 0));

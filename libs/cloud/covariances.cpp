@@ -30,11 +30,12 @@ void CovarianceOptions::describe(OptionList& keys) {
             {"hist", gpu::Weight::hist},
             {"laplacian", gpu::Weight::laplacian}},
            "weight of a neighbour by its distance");
-  keys.add("regularisation", regularisation,
-           {{"plane", gpu::Regularisation::plane},
-            {"min_eig", gpu::Regularisation::min_eig},
-            {"none", gpu::Regularisation::none}},
-           "plane: eigenvalues plane_epsilon, 1, 1 as in GICP; min_eig: at least plane_epsilon times the largest");
+  keys.add(
+      "regularisation", regularisation,
+      {{"plane", gpu::Regularisation::plane},
+       {"min_eig", gpu::Regularisation::min_eig},
+       {"none", gpu::Regularisation::none}},
+      "plane: eigenvalues plane_epsilon, 1, 1 as in GICP; min_eig: at least plane_epsilon times the largest");
   keys.add("radius_m", radius_m, above(0), "neighbours are within this distance [m]");
   keys.add("rbf_gamma_per_m2", rbf_gamma_per_m2, above(0), "rbf: exp(-gamma d^2) [1/m^2]");
   keys.add("gaussian_sigma_m", gaussian_sigma_m, above(0), "gaussian: exp(-d^2 / (2 sigma^2)) [m]");
@@ -44,7 +45,8 @@ void CovarianceOptions::describe(OptionList& keys) {
   keys.add("polynomial_c", polynomial_c, above(0), "polynomial: constant");
   keys.add("polynomial_degree", polynomial_degree, between(1, 16), "polynomial: degree");
   keys.add("hist_s_m", hist_s_m, above(0), "hist: max(0, 1 - (|dx|+|dy|+|dz|) / (3 s)) [m]");
-  keys.add("plane_epsilon", plane_epsilon, between(1e-6, 1), "variance across a surface, relative to along it");
+  keys.add("plane_epsilon", plane_epsilon, between(1e-6, 1),
+           "variance across a surface, relative to along it");
   keys.add("min_neighbours", min_neighbours, atLeast(4), "with fewer, the covariance is isotropic");
 }
 

@@ -19,7 +19,8 @@ struct CovarianceCloud {
 [[nodiscard]] gpu::Transform toTransform(const Pose& pose);
 [[nodiscard]] Pose toPose(const gpu::Transform& transform);
 
-/** Section [covariance]: the kernel that weighs the neighbours of a point (paper, table of kernel descriptors). */
+/** Section [covariance]: the kernel that weighs the neighbours of a point (paper, table of kernel
+ * descriptors). */
 struct CovarianceOptions {
   gpu::Weight kernel = gpu::Weight::laplacian;
   gpu::Regularisation regularisation = gpu::Regularisation::plane;
@@ -39,6 +40,7 @@ struct CovarianceOptions {
 
 /** \param cloud finite points. Source: reading.md section 4.
  * \throws std::invalid_argument as gpu::covariances(). */
-[[nodiscard]] CovarianceCloud withCovariances(gpu::Context& context, Cloud cloud, const CovarianceOptions& options);
+[[nodiscard]] CovarianceCloud withCovariances(gpu::Context& context, Cloud cloud,
+                                              const CovarianceOptions& options);
 
 }  // namespace raceloc

@@ -20,10 +20,11 @@ struct DeskewedScan {
 /** End of the sweep: stamp plus the latest point time. */
 [[nodiscard]] double endOfSweep(const Scan& scan);
 
-/** Moves every point into the body frame at the end of the sweep, for a car at constant speed and yaw rate over the
- * sweep: p_end = T_end_t * T_body_lidar * p_lidar(t). A scan without point times is taken as it is (already
- * compensated by its source). Points outside `crop` are dropped.
- * \throws InputError naming the label if a point time is outside [0, 1] s: such times are not seconds since the stamp. */
-[[nodiscard]] DeskewedScan deskew(const Scan& scan, double speed_mps, double yaw_rate_rps, const CropOptions& crop);
+/** Moves every point into the body frame at the end of the sweep, for a car at constant speed and yaw rate
+ * over the sweep: p_end = T_end_t * T_body_lidar * p_lidar(t). A scan without point times is taken as it is
+ * (already compensated by its source). Points outside `crop` are dropped. \throws InputError naming the label
+ * if a point time is outside [0, 1] s: such times are not seconds since the stamp. */
+[[nodiscard]] DeskewedScan deskew(const Scan& scan, double speed_mps, double yaw_rate_rps,
+                                  const CropOptions& crop);
 
 }  // namespace raceloc

@@ -134,7 +134,8 @@ IniFile::IniFile(const std::string& path) : x_path(path) {
   std::string text;
   for (std::string line; std::getline(in, line); text += line + "\n") {
     const auto first = line.find_first_not_of(" \t");
-    if (first != std::string::npos && line.compare(first, 2, "//") == 0) line.clear();  // MRPT reads keys in "// a = b"
+    if (first != std::string::npos && line.compare(first, 2, "//") == 0)
+      line.clear();  // MRPT reads keys in "// a = b"
   }
   if (!in.eof()) throw InputError("ini " + path + ": cannot be read; check the path given with -c");
   x_file = std::make_unique<mrpt::config::CConfigFileMemory>(text);
@@ -152,10 +153,11 @@ void IniFile::read(const std::string& section, OptionList& keys) {
     const auto binding = std::find_if(keys.x_bindings.begin(), keys.x_bindings.end(),
                                       [&](const auto& b) { return lower(b.key) == lower(name); });
     if (binding == keys.x_bindings.end())
-      throw InputError("ini " + x_path + ", section [" + section + "]: unknown key " + name + suggestion(name, known));
+      throw InputError("ini " + x_path + ", section [" + section + "]: unknown key " + name +
+                       suggestion(name, known));
     if (!binding->read(value))
-      throw InputError("ini " + x_path + ", section [" + section + "]: " + name + " = " + value + ", but it must be " +
-                       binding->allowed);
+      throw InputError("ini " + x_path + ", section [" + section + "]: " + name + " = " + value +
+                       ", but it must be " + binding->allowed);
   }
 }
 
@@ -176,7 +178,8 @@ void IniFile::rejectUnknownSections() const {
     const bool known = std::any_of(x_known_sections.begin(), x_known_sections.end(),
                                    [&](const auto& name) { return lower(name) == lower(section); });
     if (!section.empty() && !known)
-      throw InputError("ini " + x_path + ": unknown section [" + section + "]" + suggestion(section, x_known_sections));
+      throw InputError("ini " + x_path + ": unknown section [" + section + "]" +
+                       suggestion(section, x_known_sections));
   }
 }
 

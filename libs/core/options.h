@@ -59,6 +59,7 @@ class OptionList {
   void add(const std::string& key, Enum& member, const std::vector<std::pair<std::string, Enum>>& choices,
            const std::string& meaning) {
     std::vector<std::string> names;
+    names.reserve(choices.size());
     for (const auto& choice : choices) names.push_back(choice.first);
     std::string allowed;
     for (const auto& name : names) allowed += (allowed.empty() ? "" : " | ") + name;
@@ -105,8 +106,8 @@ class IniFile {
   ~IniFile();
 
   /** Fills `options` from `section` (absent section: defaults stay).
-   * \throws InputError for an unknown key (with the nearest known one), a value that is not of the key's type,
-   *         or one out of its range. */
+   * \throws InputError for an unknown key (with the nearest known one), a value that is not of the key's
+   * type, or one out of its range. */
   template <class Options>
   void load(const std::string& section, Options& options) {
     OptionList keys;

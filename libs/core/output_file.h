@@ -10,7 +10,8 @@ namespace raceloc {
  * removes it. A kill at any moment leaves what was there before. */
 class OutputFile {
  public:
-  /** \throws InputError at once if the folder does not exist or cannot be written, so that no work is lost. */
+  /** \throws InputError at once if the folder does not exist or cannot be written, so that no work is lost.
+   */
   explicit OutputFile(std::string path);
   ~OutputFile();
   OutputFile(OutputFile&&) noexcept;

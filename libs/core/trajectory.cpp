@@ -26,8 +26,8 @@ void writeTum(const std::string& path, const Trajectory& trajectory) {
   for (const auto& [stamp_s, T] : trajectory.poses) {
     const Eigen::Quaterniond q(T.linear());
     const Eigen::Vector3d p = T.translation();
-    std::snprintf(line, sizeof line, "%.6f %.4f %.4f %.4f %.9f %.9f %.9f %.9f\n", stamp_s, p.x(), p.y(), p.z(), q.x(),
-                  q.y(), q.z(), q.w());
+    std::snprintf(line, sizeof line, "%.6f %.4f %.4f %.4f %.9f %.9f %.9f %.9f\n", stamp_s, p.x(), p.y(),
+                  p.z(), q.x(), q.y(), q.z(), q.w());
     text += line;
   }
   writeTextFile(path, text);
@@ -46,7 +46,8 @@ Trajectory readTum(const std::string& path) {
     if (line.compare(0, tag.size(), tag) == 0) {
       std::istringstream fields(line.substr(tag.size()));
       GeodeticPoint origin{};
-      if (!(fields >> origin.latitude_deg >> origin.longitude_deg >> origin.height_m)) throw bad("unreadable origin");
+      if (!(fields >> origin.latitude_deg >> origin.longitude_deg >> origin.height_m))
+        throw bad("unreadable origin");
       trajectory.origin = origin;
       continue;
     }

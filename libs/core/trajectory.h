@@ -25,8 +25,8 @@ struct Trajectory {
  * \throws InputError if the file cannot be written. */
 void writeTum(const std::string& path, const Trajectory& trajectory);
 
-/** \throws InputError naming file and line for: unreadable or empty file, a line without eight numbers, stamps that
- *         do not increase, a quaternion off unit length by more than 1e-3. */
+/** \throws InputError naming file and line for: unreadable or empty file, a line without eight numbers,
+ * stamps that do not increase, a quaternion off unit length by more than 1e-3. */
 [[nodiscard]] Trajectory readTum(const std::string& path);
 
 }  // namespace raceloc

@@ -46,20 +46,21 @@ struct BodyMotion {
   Matrix6d covariance = Matrix6d::Zero();  ///< of the end pose, right increment (rad, m)
 };
 
-/** One motion after another: T_start_end, duration and covariance (eq. of propagation: Ad(T^-1) C Ad(T^-1)' + C). */
+/** One motion after another: T_start_end, duration and covariance (eq. of propagation: Ad(T^-1) C Ad(T^-1)' +
+ * C). */
 [[nodiscard]] BodyMotion then(const BodyMotion& first, const BodyMotion& second);
 
 /** \name SE(3) with right increments: T * exp(xi). Source: Sola et al., arXiv:1812.01537, Eq. (25), (172).
  * @{ */
 [[nodiscard]] Pose se3Exp(const Vector6d& rotation_translation);  ///< full exponential, translation through V
 [[nodiscard]] Vector6d se3Log(const Pose& pose);                  ///< its inverse, rotation angle in [0, pi]
-[[nodiscard]] Matrix6d adjoint(const Pose& pose);                 ///< T exp(xi) T^-1 = exp(Ad(T) xi), Eq. (175)
+[[nodiscard]] Matrix6d adjoint(const Pose& pose);  ///< T exp(xi) T^-1 = exp(Ad(T) xi), Eq. (175)
 /** @} */
 
-[[nodiscard]] double wrapAngle(double angle_rad);            ///< into [-pi, pi)
-[[nodiscard]] double yawOf(const Pose& pose);                ///< [rad], 0 = east, counter-clockwise
+[[nodiscard]] double wrapAngle(double angle_rad);  ///< into [-pi, pi)
+[[nodiscard]] double yawOf(const Pose& pose);      ///< [rad], 0 = east, counter-clockwise
 [[nodiscard]] Pose poseFromRpy(const Eigen::Vector3d& p_m, double roll_rad, double pitch_rad,
-                               double yaw_rad);              ///< R = Rz Ry Rx
+                               double yaw_rad);  ///< R = Rz Ry Rx
 [[nodiscard]] Cloud transformed(const Cloud& cloud, const Pose& T_to_from);
 
 }  // namespace raceloc

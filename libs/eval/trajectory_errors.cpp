@@ -168,6 +168,7 @@ std::vector<std::string> frameWarnings(const std::vector<PoseError>& poses) {
         "the two files are hardly in one map frame (other origin, or UTM against local metres?)");
 
   std::vector<double> headings_deg;
+  headings_deg.reserve(poses.size());
   for (const auto& p : poses) headings_deg.push_back(p.heading_deg);
   if (const auto turn_deg = commonAngle_deg(headings_deg); turn_deg && isQuarterTurn(*turn_deg))
     warnings.push_back(

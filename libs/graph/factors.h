@@ -1,6 +1,6 @@
 /** \file
- * Residuals of the pose graph, for Ceres' automatic derivatives. A pose is two blocks: quaternion (Eigen's order
- * x y z w) and translation. */
+ * Residuals of the pose graph, for Ceres' automatic derivatives. A pose is two blocks: quaternion (Eigen's
+ * order x y z w) and translation. */
 #pragma once
 
 #include <Eigen/Core>

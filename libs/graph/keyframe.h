@@ -23,7 +23,7 @@ struct KeyAttitude {
 struct Keyframe {
   double stamp_s;
   Pose T_odom_body;
-  BodyMotion since_last;             ///< from the key pose before, with its covariance; zero duration at the first
+  BodyMotion since_last;  ///< from the key pose before, with its covariance; zero duration at the first
   std::optional<KeyGps> gps;
   std::optional<KeyAttitude> attitude;
 };

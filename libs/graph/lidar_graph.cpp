@@ -11,11 +11,14 @@
 namespace raceloc {
 
 void GraphOptions::describe(OptionList& keys) {
-  keys.add("odometry_sigma_m", odometry_sigma_m, above(0), "LiDAR odometry is no better than this per key pose [m]");
+  keys.add("odometry_sigma_m", odometry_sigma_m, above(0),
+           "LiDAR odometry is no better than this per key pose [m]");
   keys.add("odometry_sigma_deg", odometry_sigma_deg, above(0), "nor than this [deg]");
-  keys.add("gps_min_sigma_m", gps_min_sigma_m, above(0), "no fix is believed to be better than this per axis [m]");
+  keys.add("gps_min_sigma_m", gps_min_sigma_m, above(0),
+           "no fix is believed to be better than this per axis [m]");
   keys.add("gps_robust_width", gps_robust_width, above(0), "width of the Cauchy loss on fixes, in sigmas");
-  keys.add("level_sigma_deg", level_sigma_deg, above(0), "roll and pitch where no INS gives them: zero within this [deg]");
+  keys.add("level_sigma_deg", level_sigma_deg, above(0),
+           "roll and pitch where no INS gives them: zero within this [deg]");
   keys.add("max_iterations", max_iterations, between(1, 10000), "steps of the solver at most");
 }
 
@@ -104,9 +107,9 @@ GraphSolution solveLidarGraph(const std::vector<Keyframe>& keyframes, const Grap
               Eigen::Quaterniond(k.attitude->R_map_body), whiteningOf<3>(k.attitude->covariance_rad2)}),
           nullptr, q);
     else
-      problem.AddResidualBlock(new ceres::AutoDiffCostFunction<LevelFactor, 2, 4>(
-                                   new LevelFactor{o.level_sigma_deg * M_PI / 180}),
-                               nullptr, q);
+      problem.AddResidualBlock(
+          new ceres::AutoDiffCostFunction<LevelFactor, 2, 4>(new LevelFactor{o.level_sigma_deg * M_PI / 180}),
+          nullptr, q);
   }
   if (odom_m.empty()) {
     problem.SetParameterBlockConstant(poses[0].q.coeffs().data());
@@ -135,7 +138,8 @@ GraphSolution solveLidarGraph(const std::vector<Keyframe>& keyframes, const Grap
       ++solution.gps_factors;
     }
   }
-  if (solution.gps_factors > 0) solution.gps_rmse_m = std::sqrt(squared_m2 / static_cast<double>(solution.gps_factors));
+  if (solution.gps_factors > 0)
+    solution.gps_rmse_m = std::sqrt(squared_m2 / static_cast<double>(solution.gps_factors));
   return solution;
 }
 

@@ -9,7 +9,8 @@ namespace raceloc {
 
 void OdometryOptions::describe(OptionList& keys) {
   keys.add("scan_voxel_m", scan_voxel_m, above(0), "scans are thinned to one point a voxel of this edge [m]");
-  keys.add("local_map_radius_m", local_map_radius_m, above(0), "the local map reaches this far from the car [m]");
+  keys.add("local_map_radius_m", local_map_radius_m, above(0),
+           "the local map reaches this far from the car [m]");
 }
 
 LivOdometry::LivOdometry(gpu::Context& context, const OdometryOptions& options, const CropOptions& crop,
@@ -25,12 +26,14 @@ namespace {
 
 /** Twist of a motion: for the next one when the wheels say nothing. */
 Vector6d velocityOf(const BodyMotion& motion) {
-  return motion.duration_s > 0 ? Vector6d(se3Log(motion.T_start_end) / motion.duration_s) : Vector6d(Vector6d::Zero());
+  return motion.duration_s > 0 ? Vector6d(se3Log(motion.T_start_end) / motion.duration_s)
+                               : Vector6d(Vector6d::Zero());
 }
 
 }  // namespace
 
-MotionHistory::Rates LivOdometry::ratesOf(const Scan& scan, const MotionHistory& history, bool& by_wheels) const {
+MotionHistory::Rates LivOdometry::ratesOf(const Scan& scan, const MotionHistory& history,
+                                          bool& by_wheels) const {
   const auto rates = history.ratesBetween(scan.stamp_s, endOfSweep(scan));
   by_wheels = rates.has_value();
   if (rates) return *rates;
@@ -46,7 +49,8 @@ OdometryStep LivOdometry::add(const Scan& scan, const MotionHistory& history) {
   if (x_last_stamp_s && step.stamp_s <= *x_last_stamp_s)
     throw std::invalid_argument("LivOdometry: scans must come in order of time");
 
-  step.scan = withCovariances(x_context, voxelGrid(x_context, deskewed.cloud, x_options.scan_voxel_m), x_covariance);
+  step.scan =
+      withCovariances(x_context, voxelGrid(x_context, deskewed.cloud, x_options.scan_voxel_m), x_covariance);
   step.full_scan = std::move(deskewed.cloud);
   step.match.T_target_source = Pose::Identity();
   step.trusted = true;

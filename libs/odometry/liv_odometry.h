@@ -22,12 +22,13 @@ struct OdometryOptions {
 
 /** What one scan gave. */
 struct OdometryStep {
-  double stamp_s;        ///< end of the sweep
-  Pose T_odom_body;      ///< `odom`: the body's frame at the first scan
-  BodyMotion since_last; ///< measured motion since the scan before; zero duration at the first scan
-  Registration match;    ///< against the local map; at the first scan of a track: identity, nothing matched
-  bool trusted;          ///< false: the pose is dead reckoning alone
-  bool by_wheels;        ///< guess and de-skew from speed and yaw rate; false: from the motion between the last scans
+  double stamp_s;         ///< end of the sweep
+  Pose T_odom_body;       ///< `odom`: the body's frame at the first scan
+  BodyMotion since_last;  ///< measured motion since the scan before; zero duration at the first scan
+  Registration match;     ///< against the local map; at the first scan of a track: identity, nothing matched
+  bool trusted;           ///< false: the pose is dead reckoning alone
+  bool by_wheels;  ///< guess and de-skew from speed and yaw rate; false: from the motion between the last
+                   ///< scans
   CovarianceCloud scan;  ///< body frame at stamp_s, de-skewed, cropped, thinned
   Cloud full_scan;       ///< body frame at stamp_s, de-skewed and cropped, not thinned
 };
@@ -37,15 +38,16 @@ class LivOdometry {
   LivOdometry(gpu::Context& context, const OdometryOptions& options, const CropOptions& crop,
               const CovarianceOptions& covariance, const GicpOptions& gicp);
 
-  /** The next scan, later than the one before. `history` must reach to the end of its sweep to be of use; without it
-   * the motion between the last two scans goes on.
-   * \throws std::invalid_argument if the scan's end is not later than the last one's. */
+  /** The next scan, later than the one before. `history` must reach to the end of its sweep to be of use;
+   * without it the motion between the last two scans goes on. \throws std::invalid_argument if the scan's end
+   * is not later than the last one's. */
   OdometryStep add(const Scan& scan, const MotionHistory& history);
 
   [[nodiscard]] std::size_t localMapVoxels() const { return x_local_map.size(); }
 
  private:
-  [[nodiscard]] MotionHistory::Rates ratesOf(const Scan& scan, const MotionHistory& history, bool& by_wheels) const;
+  [[nodiscard]] MotionHistory::Rates ratesOf(const Scan& scan, const MotionHistory& history,
+                                             bool& by_wheels) const;
 
   gpu::Context& x_context;
   OdometryOptions x_options;

@@ -9,9 +9,11 @@ namespace raceloc {
 
 void MotionOptions::describe(OptionList& keys) {
   keys.add("memory_s", memory_s, between(1, 60), "how long speed and yaw rate are remembered [s]");
-  keys.add("max_gap_s", max_gap_s, between(0, 5), "speed and yaw rate are held this long when samples are missing [s]");
+  keys.add("max_gap_s", max_gap_s, between(0, 5),
+           "speed and yaw rate are held this long when samples are missing [s]");
   keys.add("speed_sigma_mps", speed_sigma_mps, above(0), "error of the speed, white at 100 Hz [m/s]");
-  keys.add("yaw_rate_sigma_rps", yaw_rate_sigma_rps, above(0), "error of the yaw rate, white at 100 Hz [rad/s]");
+  keys.add("yaw_rate_sigma_rps", yaw_rate_sigma_rps, above(0),
+           "error of the yaw rate, white at 100 Hz [rad/s]");
 }
 
 void MotionHistory::append(Series& series, double stamp_s, double value) const {

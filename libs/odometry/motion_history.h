@@ -20,8 +20,9 @@ struct MotionOptions {
   void describe(OptionList& keys);
 };
 
-/** The last seconds of speed and yaw rate. The yaw rate is the gyro's while an IMU delivers, else the car's own.
- * Planar, no side-slip. Source: reading.md section 5 (translation from wheel speed, never from acceleration). */
+/** The last seconds of speed and yaw rate. The yaw rate is the gyro's while an IMU delivers, else the car's
+ * own. Planar, no side-slip. Source: reading.md section 5 (translation from wheel speed, never from
+ * acceleration). */
 class MotionHistory {
  public:
   explicit MotionHistory(const MotionOptions& options) : x_options(options) {}
@@ -40,8 +41,8 @@ class MotionHistory {
   };
   [[nodiscard]] std::optional<Rates> ratesBetween(double from_s, double to_s) const;
 
-  /** The body's motion from one instant to a later one: arcs of 10 ms, with the covariance of white speed and yaw rate
-   * errors. None when the interval is not covered. */
+  /** The body's motion from one instant to a later one: arcs of 10 ms, with the covariance of white speed and
+   * yaw rate errors. None when the interval is not covered. */
   [[nodiscard]] std::optional<BodyMotion> between(double from_s, double to_s) const;
 
  private:

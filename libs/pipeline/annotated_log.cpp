@@ -23,20 +23,23 @@ namespace raceloc {
 namespace {
 
 std::string headerText(const std::vector<std::string>& sources) {
-  std::string text = "[gate]\ncolumns = rule alarm, then of each source delta limit p_theta weight accepted\n";
-  for (std::size_t i = 0; i < sources.size(); ++i) text += "source_" + std::to_string(i) + " = " + sources[i] + "\n";
+  std::string text =
+      "[gate]\ncolumns = rule alarm, then of each source delta limit p_theta weight accepted\n";
+  for (std::size_t i = 0; i < sources.size(); ++i)
+    text += "source_" + std::to_string(i) + " = " + sources[i] + "\n";
   return text;
 }
 
 const SourceVerdict* verdictOn(const LocalizerOutput& output, const std::string& source) {
   if (!output.decision) return nullptr;
   const auto& verdicts = output.decision->sources;
-  const auto found =
-      std::find_if(verdicts.begin(), verdicts.end(), [&](const SourceVerdict& v) { return v.source == source; });
+  const auto found = std::find_if(verdicts.begin(), verdicts.end(),
+                                  [&](const SourceVerdict& v) { return v.source == source; });
   return found == verdicts.end() ? nullptr : &*found;
 }
 
-mrpt::obs::CObservationRawDAQ gateNumbers(const LocalizerOutput& output, const std::vector<std::string>& sources) {
+mrpt::obs::CObservationRawDAQ gateNumbers(const LocalizerOutput& output,
+                                          const std::vector<std::string>& sources) {
   mrpt::obs::CObservationRawDAQ daq;
   daq.sensorLabel = "gate";
   daq.timestamp = toMrptStamp(output.stamp_s);
@@ -44,7 +47,8 @@ mrpt::obs::CObservationRawDAQ gateNumbers(const LocalizerOutput& output, const s
                     output.decision && output.decision->alarm ? 1.0 : 0.0};
   for (const auto& source : sources)
     if (const SourceVerdict* v = verdictOn(output, source))
-      daq.AIN_double.insert(daq.AIN_double.end(), {v->delta, v->limit, v->p_theta, v->weight, v->accepted ? 1.0 : 0.0});
+      daq.AIN_double.insert(daq.AIN_double.end(),
+                            {v->delta, v->limit, v->p_theta, v->weight, v->accepted ? 1.0 : 0.0});
     else
       daq.AIN_double.insert(daq.AIN_double.end(), 5, -1.0);
   daq.AIN_channel_count = static_cast<std::uint16_t>(daq.AIN_double.size());
@@ -81,7 +85,8 @@ mrpt::obs::CObservation3DScene scene(const LocalizerOutput& output) {
     const Cloud& scan = output.scan_match->scan_body;
     cloud->setAllPoints(scan.x, scan.y, scan.z);
     cloud->setPointSize(2);
-    cloud->setPose(toMrpt(output.scan_match->trusted ? output.scan_match->match.T_target_source : output.T_map_body));
+    cloud->setPose(
+        toMrpt(output.scan_match->trusted ? output.scan_match->match.T_target_source : output.T_map_body));
     cloud->enableColorFromZ();
     observation.scene->insert(cloud);
   }
@@ -89,7 +94,8 @@ mrpt::obs::CObservation3DScene scene(const LocalizerOutput& output) {
   for (const auto& fix : output.fixes) {
     const SourceVerdict* verdict = verdictOn(output, fix.source);
     const bool accepted = verdict && verdict->accepted;
-    const mrpt::img::TColor color = accepted ? mrpt::img::TColor(40, 170, 60) : mrpt::img::TColor(220, 40, 40);
+    const mrpt::img::TColor color =
+        accepted ? mrpt::img::TColor(40, 170, 60) : mrpt::img::TColor(220, 40, 40);
     auto ellipse = CEllipsoid2D::Create();
     ellipse->setCovMatrix(mrpt::math::CMatrixDouble22(fix.cov_p_m2));
     ellipse->setQuantiles(3.0F);
@@ -98,7 +104,8 @@ mrpt::obs::CObservation3DScene scene(const LocalizerOutput& output) {
     observation.scene->insert(ellipse);
     if (!verdict) continue;
     auto text = CText3D::Create(verdictText(*verdict), "sans", 0.8);
-    text->setPose(mrpt::poses::CPose3D(output.T_map_body.translation().x(), output.T_map_body.translation().y(),
+    text->setPose(mrpt::poses::CPose3D(output.T_map_body.translation().x(),
+                                       output.T_map_body.translation().y(),
                                        output.T_map_body.translation().z() + line_m, 0, 0, M_PI / 2));
     text->setColor_u8(color);
     observation.scene->insert(text);
@@ -109,7 +116,8 @@ mrpt::obs::CObservation3DScene scene(const LocalizerOutput& output) {
 
 }  // namespace
 
-AnnotatedLog::AnnotatedLog(const std::string& path, const GeodeticPoint& origin, std::vector<std::string> sources)
+AnnotatedLog::AnnotatedLog(const std::string& path, const GeodeticPoint& origin,
+                           std::vector<std::string> sources)
     : x_sources(std::move(sources)), x_writer(path, {origin, headerText(x_sources)}) {}
 
 void AnnotatedLog::write(const Sample& sample) {

@@ -45,11 +45,14 @@ PoseFix planarFix(const Registration& match) {
 void LocalizerPolicy::describe(OptionList& keys) {
   keys.add("map_radius_m", map_radius_m, above(0), "tiles within this distance of the car are held [m]");
   keys.add("max_fix_age_s", max_fix_age_s, above(0), "older fixes take no part in a decision [s]");
-  keys.add("match_alive_s", match_alive_s, above(0), "without a trusted match for this long, fixes are decided on alone [s]");
+  keys.add("match_alive_s", match_alive_s, above(0),
+           "without a trusted match for this long, fixes are decided on alone [s]");
   keys.add("min_course_speed_mps", min_course_speed_mps, above(0), "slower, two fixes give no course [m/s]");
   keys.add("course_sigma_deg", course_sigma_deg, above(0), "error of the course between two fixes [deg]");
-  keys.add("gps_min_sigma_m", gps_min_sigma_m, above(0), "no fix is believed to be better than this per axis [m]");
-  keys.add("dead_reckoning_period_s", dead_reckoning_period_s, above(0), "output by dead reckoning when nothing else came [s]");
+  keys.add("gps_min_sigma_m", gps_min_sigma_m, above(0),
+           "no fix is believed to be better than this per axis [m]");
+  keys.add("dead_reckoning_period_s", dead_reckoning_period_s, above(0),
+           "output by dead reckoning when nothing else came [s]");
 }
 
 Localizer::Localizer(gpu::Context& context, const MapFile& map, const LocalizerOptions& options)
@@ -73,7 +76,9 @@ std::vector<LocalizerOutput> Localizer::finish() {
   return outputs;
 }
 
-void Localizer::take(const ImuSample& sample, std::vector<LocalizerOutput>& /*outputs*/) { x_history.add(sample); }
+void Localizer::take(const ImuSample& sample, std::vector<LocalizerOutput>& /*outputs*/) {
+  x_history.add(sample);
+}
 
 void Localizer::take(const InsPose& pose, std::vector<LocalizerOutput>& /*outputs*/) {
   x_receivers[pose.label].ins = pose;
@@ -83,8 +88,8 @@ void Localizer::take(const Scan& scan, std::vector<LocalizerOutput>& /*outputs*/
 
 void Localizer::take(const MotionSample& sample, std::vector<LocalizerOutput>& outputs) {
   x_history.add(sample);
-  const bool overdue = started() && x_queue.empty() &&
-                       sample.stamp_s - x_stamp_s >= x_options.policy.dead_reckoning_period_s;
+  const bool overdue =
+      started() && x_queue.empty() && sample.stamp_s - x_stamp_s >= x_options.policy.dead_reckoning_period_s;
   if (!overdue) return;
   predictTo(sample.stamp_s);
   outputs.push_back(output());
@@ -110,7 +115,8 @@ void Localizer::take(const GpsFix& fix, std::vector<LocalizerOutput>& outputs) {
 
 std::optional<PoseFix> Localizer::bodyFix(const GpsFix& fix, const Receiver& receiver) const {
   constexpr double kSameEpoch_s = 0.005;
-  PoseFix body{fix.label, {}, floored(fix.cov_map_m2.topLeftCorner<2, 2>(), x_options.policy.gps_min_sigma_m)};
+  PoseFix body{
+      fix.label, {}, floored(fix.cov_map_m2.topLeftCorner<2, 2>(), x_options.policy.gps_min_sigma_m)};
   Eigen::Matrix3d R_map_body = x_T_map_body.linear();
   if (receiver.ins && std::abs(receiver.ins->stamp_s - fix.stamp_s) < kSameEpoch_s) {
     R_map_body = receiver.ins->T_map_body.linear();
@@ -134,7 +140,8 @@ std::optional<PoseFix> Localizer::bodyFix(const GpsFix& fix, const Receiver& rec
 
 void Localizer::start(const GpsFix& fix, const PoseFix& body) {
   const Receiver& receiver = x_receivers[fix.label];
-  x_filter.emplace(startState(body.p_map_m, body.heading_rad, x_options.fusion), x_options.fusion, x_options.gate);
+  x_filter.emplace(startState(body.p_map_m, body.heading_rad, x_options.fusion), x_options.fusion,
+                   x_options.gate);
   x_stamp_s = fix.stamp_s;
   Pose T = poseFromRpy(Eigen::Vector3d::Zero(), 0, 0, body.heading_rad);
   if (body.heading == HeadingKind::body) T.linear() = receiver.ins->T_map_body.linear();
@@ -184,9 +191,9 @@ LocalizerOutput Localizer::matchScan(const Scan& scan) {
   const auto rates = x_history.ratesBetween(scan.stamp_s, end_s).value_or(MotionHistory::Rates{0, 0});
   predictTo(end_s);
   const DeskewedScan deskewed = deskew(scan, rates.speed_mps, rates.yaw_rate_rps, x_options.matching.crop);
-  const CovarianceCloud source =
-      withCovariances(x_context, voxelGrid(x_context, deskewed.cloud, x_options.matching.odometry.scan_voxel_m),
-                      x_options.matching.covariance);
+  const CovarianceCloud source = withCovariances(
+      x_context, voxelGrid(x_context, deskewed.cloud, x_options.matching.odometry.scan_voxel_m),
+      x_options.matching.covariance);
 
   std::vector<PoseFix> fixes = takeFixes();
   std::optional<ScanMatch> scan_match;
@@ -199,13 +206,13 @@ LocalizerOutput Localizer::matchScan(const Scan& scan) {
   return decide(end_s, std::move(fixes), std::move(scan_match));
 }
 
-LocalizerOutput Localizer::decide(double stamp_s, std::vector<PoseFix> fixes, std::optional<ScanMatch> scan_match) {
+LocalizerOutput Localizer::decide(double stamp_s, std::vector<PoseFix> fixes,
+                                  std::optional<ScanMatch> scan_match) {
   std::optional<GateDecision> decision;
   if (!fixes.empty()) decision = x_filter->correct(fixes);
   const auto believed = [&](const std::string& source) {
-    return decision && std::any_of(decision->sources.begin(), decision->sources.end(), [&](const SourceVerdict& v) {
-             return v.source == source && v.accepted;
-           });
+    return decision && std::any_of(decision->sources.begin(), decision->sources.end(),
+                                   [&](const SourceVerdict& v) { return v.source == source && v.accepted; });
   };
   if (believed(kScanMatch)) {
     x_T_map_body = scan_match->match.T_target_source;

@@ -1,5 +1,6 @@
 /** \file
- * One sample at a time to poses and verdicts: scan match against the map, GPS/INS, dead reckoning, gate, filter. */
+ * One sample at a time to poses and verdicts: scan match against the map, GPS/INS, dead reckoning, gate,
+ * filter. */
 #pragma once
 
 #include <raceloc/gpu/context.h>
@@ -40,25 +41,26 @@ struct LocalizerOptions {
 struct ScanMatch {
   Registration match;
   bool trusted;
-  Cloud scan_body;   ///< de-skewed, thinned: for pictures
+  Cloud scan_body;  ///< de-skewed, thinned: for pictures
 };
 
 /** The estimate at one instant, and why it is what it is. */
 struct LocalizerOutput {
   double stamp_s;
   Pose T_map_body;
-  Matrix6d covariance;                     ///< right increment (rad, m); height, roll and pitch from the last trusted match
-  std::vector<PoseFix> fixes;              ///< what the sources said, carried forward to stamp_s
-  std::optional<GateDecision> decision;    ///< none: dead reckoning, no source was due
-  std::optional<ScanMatch> scan_match;     ///< when a sweep was matched
+  Matrix6d covariance;  ///< right increment (rad, m); height, roll and pitch from the last trusted match
+  std::vector<PoseFix> fixes;            ///< what the sources said, carried forward to stamp_s
+  std::optional<GateDecision> decision;  ///< none: dead reckoning, no source was due
+  std::optional<ScanMatch> scan_match;   ///< when a sweep was matched
 };
 
 /** Localization on a map. Samples come in order of time; outputs are in order of time.
  *
- * A decision is taken at the end of each sweep, from its match and of each receiver the newest fix younger than
- * max_fix_age_s, carried forward by dead reckoning; each fix is used once. While no match was trusted for match_alive_s,
- * each fix is decided on alone, at its own stamp. Start: the first fix with a heading (the receiver's INS, or the course
- * between two fixes at speed); before that there is no output. Source: reading.md sections 1, 2 and 6. */
+ * A decision is taken at the end of each sweep, from its match and of each receiver the newest fix younger
+ * than max_fix_age_s, carried forward by dead reckoning; each fix is used once. While no match was trusted
+ * for match_alive_s, each fix is decided on alone, at its own stamp. Start: the first fix with a heading (the
+ * receiver's INS, or the course between two fixes at speed); before that there is no output. Source:
+ * reading.md sections 1, 2 and 6. */
 class Localizer {
  public:
   /** Keeps references to context and map. \throws InputError if the gate's options contradict each other. */
@@ -87,15 +89,18 @@ class Localizer {
   void take(const MotionSample& sample, std::vector<LocalizerOutput>& outputs);
   void take(const Scan& scan, std::vector<LocalizerOutput>& outputs);
 
-  /** The body's pose by a fix, from its antenna and heading; none while the filter waits for a heading to start. */
+  /** The body's pose by a fix, from its antenna and heading; none while the filter waits for a heading to
+   * start. */
   [[nodiscard]] std::optional<PoseFix> bodyFix(const GpsFix& fix, const Receiver& receiver) const;
   void start(const GpsFix& fix, const PoseFix& body);
-  /** Dead reckoning to a later instant; the estimate stays where it is over an interval without motion data. */
+  /** Dead reckoning to a later instant; the estimate stays where it is over an interval without motion data.
+   */
   void predictTo(double stamp_s);
-  [[nodiscard]] LocalizerOutput decide(double stamp_s, std::vector<PoseFix> fixes, std::optional<ScanMatch> scan_match);
+  [[nodiscard]] LocalizerOutput decide(double stamp_s, std::vector<PoseFix> fixes,
+                                       std::optional<ScanMatch> scan_match);
   [[nodiscard]] LocalizerOutput matchScan(const Scan& scan);
-  /** Of each receiver the newest unused fix that is not newer than the filter's time, carried forward to it, if it is
-   * young enough; it and all older ones count as used. */
+  /** Of each receiver the newest unused fix that is not newer than the filter's time, carried forward to it,
+   * if it is young enough; it and all older ones count as used. */
   [[nodiscard]] std::vector<PoseFix> takeFixes();
   [[nodiscard]] LocalizerOutput output() const;
 
@@ -106,8 +111,9 @@ class Localizer {
   ScanQueue x_queue;
   std::map<std::string, Receiver> x_receivers;
   std::optional<FusionFilter> x_filter;
-  double x_stamp_s = 0;                        ///< the filter's time
-  Pose x_T_map_body = Pose::Identity();        ///< planar part from the filter, the rest from the last trusted match
+  double x_stamp_s = 0;  ///< the filter's time
+  Pose x_T_map_body =
+      Pose::Identity();  ///< planar part from the filter, the rest from the last trusted match
   Matrix6d x_match_covariance = Matrix6d::Zero();
   std::optional<double> x_last_match_s;
 };

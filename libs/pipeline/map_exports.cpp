@@ -3,7 +3,7 @@
 #include <mrpt/img/color_maps.h>
 #include <mrpt/io/CFileGZOutputStream.h>
 #include <mrpt/maps/CSimpleMap.h>
-#include <mrpt/obs/CObservationPointCloud.h>
+#include <mrpt/obs/CObservationVelodyneScan.h>
 #include <mrpt/obs/CSensoryFrame.h>
 #include <mrpt/opengl/CGridPlaneXY.h>
 #include <mrpt/opengl/COpenGLScene.h>
@@ -21,8 +21,7 @@
 
 #include "core/errors.h"
 #include "core/output_file.h"
-#include "core/samples.h"
-#include "sensors/lidar_conversion.h"
+#include "sensors/mrpt_stamp.h"
 #include "sensors/pose_conversion.h"
 
 namespace raceloc {
@@ -147,13 +146,34 @@ mrpt::opengl::CGridPlaneXY::Ptr groundGrid(const TiledMap& map, float height_m) 
   return grid;
 }
 
+/** Of MRPT 2.5.8's classes with points and intensities the one that its maps place at the robot's pose: they
+ * place a CObservationPointCloud as if the robot never moved. */
+mrpt::obs::CObservationVelodyneScan::Ptr toVelodyneScan(const ExportScan& scan) {
+  auto out = mrpt::obs::CObservationVelodyneScan::Create();
+  out->timestamp = toMrptStamp(scan.stamp_s);
+  out->sensorLabel = "map";
+  const Cloud& cloud = scan.cloud_body;
+  auto& points = out->point_cloud;
+  points.reserve(cloud.size());
+  const auto rounded = [](float v_m) { return std::round(v_m * 512) / 512; };  // gzip bites on these
+  for (std::size_t i = 0; i < cloud.size(); ++i) {
+    points.x.push_back(rounded(cloud.x[i]));
+    points.y.push_back(rounded(cloud.y[i]));
+    points.z.push_back(rounded(cloud.z[i]));
+    const float intensity = cloud.intensity.empty() ? 1 : std::clamp(cloud.intensity[i], 0.0F, 1.0F);
+    points.intensity.push_back(static_cast<std::uint8_t>(std::lround(255 * intensity)));
+  }
+  return out;
+}
+
 }  // namespace
 
 void writeSimplemap(const std::string& path, const std::vector<ExportScan>& scans) {
   mrpt::maps::CSimpleMap map;
   for (const ExportScan& scan : scans) {
+    if (scan.cloud_body.empty()) continue;  // MRPT's viewers stop at a scan without points
     auto frame = mrpt::obs::CSensoryFrame::Create();
-    frame->insert(toObservation(Scan{scan.stamp_s, "map", Pose::Identity(), scan.cloud_body, {}, {}}));
+    frame->insert(toVelodyneScan(scan));
     map.insert(mrpt::poses::CPose3DPDFGaussian::Create(toMrpt(scan.T_map_body)), frame);
   }
   writeCompressed(path, map);

@@ -18,9 +18,10 @@ struct ExportScan {
   Cloud cloud_body;  ///< de-skewed, thinned
 };
 
-/** A CSimpleMap: for each scan its pose as a CPose3DPDFGaussian and a CSensoryFrame with one
- * CObservationPointCloud labelled `map`, whose sensor pose is the body's origin. The covariances are zero:
- * the map does not keep them. robot-map-gui opens it; no scans give an empty map.
+/** A CSimpleMap: for each scan that has points its pose as a CPose3DPDFGaussian and a CSensoryFrame with one
+ * CObservationVelodyneScan labelled `map`, which holds the points (rounded to 1/512 m) and no packets, and
+ * whose sensor pose is the body's origin. The covariances are zero: the map does not keep them. robot-map-gui
+ * opens it and draws it with a configuration that asks for a CSimplePointsMap; no scans give an empty map.
  * \throws InputError if the file cannot be written whole; what was there stays. */
 void writeSimplemap(const std::string& path, const std::vector<ExportScan>& scans);
 

@@ -2,7 +2,6 @@
 
 #include <Eigen/Eigenvalues>
 #include <algorithm>
-#include <array>
 #include <cmath>
 #include <cstdint>
 #include <numeric>
@@ -11,17 +10,19 @@
 namespace raceloc {
 
 WallThickness wallThickness(const Cloud& points, double cell_m) {
-  using Key = std::array<std::int32_t, 3>;
-  std::vector<Key> cell(points.size());
+  // 21 bits an axis: half a million metres each way at the default size.
+  const auto index = [cell_m](float coordinate_m) {
+    constexpr std::int64_t kBias = 1 << 20, kMask = (1 << 21) - 1;
+    return static_cast<std::uint64_t>(
+        (static_cast<std::int64_t>(std::floor(static_cast<double>(coordinate_m) / cell_m)) + kBias) & kMask);
+  };
+  std::vector<std::uint64_t> cell(points.size());
   for (std::size_t i = 0; i < points.size(); ++i)
-    for (int axis = 0; axis < 3; ++axis)
-      cell[i][static_cast<std::size_t>(axis)] =
-          static_cast<std::int32_t>(std::floor(static_cast<double>(points.point(i)[axis]) / cell_m));
+    cell[i] = index(points.z[i]) << 42U | index(points.y[i]) << 21U | index(points.x[i]);
   std::vector<std::size_t> order(points.size());
   std::iota(order.begin(), order.end(), std::size_t{0});
-  std::sort(order.begin(), order.end(), [&](std::size_t a, std::size_t b) {
-    return cell[a] != cell[b] ? cell[a] < cell[b] : a < b;
-  });
+  std::sort(order.begin(), order.end(),
+            [&](std::size_t a, std::size_t b) { return cell[a] != cell[b] ? cell[a] < cell[b] : a < b; });
 
   constexpr std::size_t kMinPoints = 30;
   const double max_upright = std::sin(10 * M_PI / 180);

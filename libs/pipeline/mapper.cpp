@@ -15,8 +15,12 @@ namespace raceloc {
 
 void MapOptions::describe(OptionList& keys) {
   keys.add("point_spacing_m", point_spacing_m, above(0), "the map keeps one point a voxel of this edge [m]");
+  keys.add(
+      "covariance_radius_m", covariance_radius_m, above(0),
+      "neighbours of a map point, in place of radius_m of [covariance]: the map is denser than a scan [m]");
   keys.add("tile_size_m", tile_size_m, above(0), "edge of a square tile [m]");
-  keys.add("keyframe_distance_m", keyframe_distance_m, atLeast(0), "a new key pose after this distance [m] ...");
+  keys.add("keyframe_distance_m", keyframe_distance_m, atLeast(0),
+           "a new key pose after this distance [m] ...");
   keys.add("keyframe_angle_deg", keyframe_angle_deg, atLeast(0), "... or this turn [deg]");
   keys.add("gps_max_gap_s", gps_max_gap_s, above(0), "fixes farther apart are not interpolated between [s]");
   keys.add("write_simplemap", write_simplemap, "also write NAME.simplemap, for robot-map-gui");
@@ -67,7 +71,8 @@ std::optional<Bracket<S>> bracket(const std::vector<S>& samples, double stamp_s,
 std::optional<KeyGps> gpsAt(const ReceiverTrack& track, double stamp_s, double max_gap_s) {
   const auto b = bracket(track.fixes, stamp_s, max_gap_s);
   if (!b) return std::nullopt;
-  const Eigen::Vector3d p = b->before.p_map_antenna_m + b->share * (b->after.p_map_antenna_m - b->before.p_map_antenna_m);
+  const Eigen::Vector3d p =
+      b->before.p_map_antenna_m + b->share * (b->after.p_map_antenna_m - b->before.p_map_antenna_m);
   const bool before_is_worse = b->before.cov_map_m2.trace() > b->after.cov_map_m2.trace();
   return KeyGps{p, before_is_worse ? b->before.cov_map_m2 : b->after.cov_map_m2, b->before.p_body_antenna_m};
 }
@@ -76,12 +81,14 @@ std::optional<KeyAttitude> attitudeAt(const ReceiverTrack& track, double stamp_s
   const auto b = bracket(track.poses, stamp_s, max_gap_s);
   if (!b) return std::nullopt;
   const Eigen::Quaterniond q_before(b->before.T_map_body.linear()), q_after(b->after.T_map_body.linear());
-  return KeyAttitude{q_before.slerp(b->share, q_after).toRotationMatrix(), b->before.covariance.topLeftCorner<3, 3>()};
+  return KeyAttitude{q_before.slerp(b->share, q_after).toRotationMatrix(),
+                     b->before.covariance.topLeftCorner<3, 3>()};
 }
 
 double median(std::vector<double> values) {
   if (values.empty()) return 0;
-  std::nth_element(values.begin(), values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2), values.end());
+  std::nth_element(values.begin(), values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2),
+                   values.end());
   return values[values.size() / 2];
 }
 
@@ -154,7 +161,8 @@ class Survey {
 const ReceiverTrack* mainReceiver(const std::map<std::string, ReceiverTrack>& receivers) {
   const ReceiverTrack* best = nullptr;
   for (const auto& entry : receivers)
-    if (!entry.second.fixes.empty() && (!best || entry.second.fixes.size() > best->fixes.size())) best = &entry.second;
+    if (!entry.second.fixes.empty() && (!best || entry.second.fixes.size() > best->fixes.size()))
+      best = &entry.second;
   return best;
 }
 
@@ -176,8 +184,8 @@ void requireOneLidar(const LogSummary& summary, const std::string& patterns) {
   for (const auto& device : summary.devices)
     if (device.kind == "lidar" && matchesLabel(patterns, device.label)) matching.push_back(device.label);
   if (matching.size() > 1)
-    throw InputError("rawlog " + summary.path + ": several LiDARs match '" + patterns + "' (" + listed(matching) +
-                     "); name one with lidar_labels in section [log]");
+    throw InputError("rawlog " + summary.path + ": several LiDARs match '" + patterns + "' (" +
+                     listed(matching) + "); name one with lidar_labels in section [log]");
 }
 
 }  // namespace
@@ -199,7 +207,8 @@ BuiltMap buildMap(const std::string& log_path, const MapperOptions& options, con
   }
   survey.finish();
   if (survey.keyframes.size() < 2)
-    throw InputError("rawlog " + log_path + ": the car passes only " + std::to_string(survey.keyframes.size()) +
+    throw InputError("rawlog " + log_path + ": the car passes only " +
+                     std::to_string(survey.keyframes.size()) +
                      " key pose(s); a map needs two or more scans " +
                      std::to_string(options.map.keyframe_distance_m) + " m apart");
 
@@ -215,16 +224,19 @@ BuiltMap buildMap(const std::string& log_path, const MapperOptions& options, con
 
   const Cloud all = inMap(survey.key_clouds, graph.T_map_body);
   BuiltMap built{TiledMap(options.map.tile_size_m), {}, {}, {}, std::move(survey.odometry), {}};
+  CovarianceOptions covariance = options.matching.covariance;
+  covariance.radius_m = options.map.covariance_radius_m;
   const CovarianceCloud thinned =
-      withCovariances(context, voxelGrid(context, all, options.map.point_spacing_m), options.matching.covariance);
+      withCovariances(context, voxelGrid(context, all, options.map.point_spacing_m), covariance);
   built.tiles.insert(thinned.cloud, thinned.covariances.view());
 
   const std::string session = std::filesystem::path(log_path).filename().string();
-  built.info = {reader.origin(),       options.map.tile_size_m, options.map.point_spacing_m,
-                tool_version,          options.iniText(),       {session}};
+  built.info = {reader.origin(), options.map.tile_size_m, options.map.point_spacing_m,
+                tool_version,    options.iniText(),       {session}};
   for (std::size_t i = 0; i < survey.keyframes.size(); ++i) {
     built.key_poses.push_back({survey.keyframes[i].stamp_s, graph.T_map_body[i], session});
-    built.scans.push_back({survey.keyframes[i].stamp_s, graph.T_map_body[i], std::move(survey.key_clouds[i])});
+    built.scans.push_back(
+        {survey.keyframes[i].stamp_s, graph.T_map_body[i], std::move(survey.key_clouds[i])});
   }
   built.report = {context.reason(),
                   survey.scans,

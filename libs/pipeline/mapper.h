@@ -19,6 +19,7 @@ namespace raceloc {
 /** Section [map]. */
 struct MapOptions {
   double point_spacing_m = 0.2;
+  double covariance_radius_m = 0.6;
   double tile_size_m = 32;
   double keyframe_distance_m = 1.0;
   double keyframe_angle_deg = 5.0;
@@ -42,8 +43,8 @@ struct MapReport {
   std::string device_reason;
   std::size_t scans, trusted_scans, scans_by_wheels, key_poses, gps_factors, attitude_factors;
   double recorded_s, length_m;
-  double match_residual_m;   ///< median over the trusted scans, distance of pairs across their surface
-  double match_inlier_share; ///< median
+  double match_residual_m;    ///< median over the trusted scans, distance of pairs across their surface
+  double match_inlier_share;  ///< median
   double gps_rmse_m, graph_initial_cost, graph_final_cost;
   WallThickness walls;
   std::size_t points, tiles, dropped_late;
@@ -54,16 +55,16 @@ struct BuiltMap {
   MapInfo info;
   std::vector<KeyPose> key_poses;
   std::vector<ExportScan> scans;
-  Trajectory odometry;   ///< LiDAR odometry before the graph, first pose at the origin of its own frame
+  Trajectory odometry;  ///< LiDAR odometry before the graph, first pose at the origin of its own frame
   MapReport report;
 };
 
-/** Runs the whole chain on one log: read, de-skew, odometry, pose graph with GPS, tiles. Key scans are kept in memory,
- * thinned to the map's spacing. A log without GPS gives a map without georeference, in the frame of its first pose.
- * \param progress  called with 0..1
- * \throws InputError for a log that cannot be read, has no LiDAR of the configured label or several of them, fewer than two
- *         scans, or a pattern that matches no device. */
-[[nodiscard]] BuiltMap buildMap(const std::string& log_path, const MapperOptions& options, const std::string& tool_version,
-                                const std::function<void(double)>& progress);
+/** Runs the whole chain on one log: read, de-skew, odometry, pose graph with GPS, tiles. Key scans are kept
+ * in memory, thinned to the map's spacing. A log without GPS gives a map without georeference, in the frame
+ * of its first pose. \param progress  called with 0..1 \throws InputError for a log that cannot be read, has
+ * no LiDAR of the configured label or several of them, fewer than two scans, or a pattern that matches no
+ * device. */
+[[nodiscard]] BuiltMap buildMap(const std::string& log_path, const MapperOptions& options,
+                                const std::string& tool_version, const std::function<void(double)>& progress);
 
 }  // namespace raceloc

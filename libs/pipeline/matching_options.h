@@ -1,5 +1,6 @@
 /** \file
- * The sections that mapping and localization have in common: one scan is prepared and matched the same way in both. */
+ * The sections that mapping and localization have in common: one scan is prepared and matched the same way in
+ * both. */
 #pragma once
 
 #include <raceloc/gpu/context.h>

@@ -30,8 +30,8 @@ ReplayOptions ReplayOptions::fromIni(const std::string& path) {
 
 std::string ReplayOptions::iniText() const {
   return localizer.matching.iniText() + "\n" + raceloc::iniText("fusion", localizer.fusion) + "\n" +
-         raceloc::iniText("gate", localizer.gate) + "\n" + raceloc::iniText("localizer", localizer.policy) + "\n" +
-         raceloc::iniText("live", live);
+         raceloc::iniText("gate", localizer.gate) + "\n" + raceloc::iniText("localizer", localizer.policy) +
+         "\n" + raceloc::iniText("live", live);
 }
 
 namespace {
@@ -45,7 +45,8 @@ double quantile(std::vector<double> values, double share) {
 
 GeodeticPoint originOf(const MapFile& map, const std::string& path) {
   if (!map.info().origin)
-    throw InputError("map " + path + ": has no georeference (it was made from a log without GPS); map a log with GPS");
+    throw InputError("map " + path +
+                     ": has no georeference (it was made from a log without GPS); map a log with GPS");
   return *map.info().origin;
 }
 
@@ -132,7 +133,8 @@ ReplayReport replay(const std::string& log_path, const std::string& map_path, co
     if (annotated) annotated->write(*sample);
     const auto before = Clock::now();
     const auto outputs = localizer.add(*sample);
-    const bool matched = std::any_of(outputs.begin(), outputs.end(), [](const auto& o) { return o.scan_match.has_value(); });
+    const bool matched =
+        std::any_of(outputs.begin(), outputs.end(), [](const auto& o) { return o.scan_match.has_value(); });
     if (matched) tally.addTime(std::chrono::duration<double>(Clock::now() - before).count());
     hand(outputs);
   }
@@ -141,9 +143,10 @@ ReplayReport replay(const std::string& log_path, const std::string& map_path, co
   report.dropped_late = reader.droppedLate();
   report.tile_loads = localizer.tileLoads();
   if (!localizer.started())
-    throw InputError("rawlog " + log_path + ": no start: no GPS fix with a heading (from an INS pose, or two fixes at " +
-                     std::to_string(options.localizer.policy.min_course_speed_mps) + " m/s or more) among labels '" +
-                     log.gps_labels + "'");
+    throw InputError("rawlog " + log_path +
+                     ": no start: no GPS fix with a heading (from an INS pose, or two fixes at " +
+                     std::to_string(options.localizer.policy.min_course_speed_mps) +
+                     " m/s or more) among labels '" + log.gps_labels + "'");
   if (annotated) annotated->commit();
   return report;
 }

@@ -29,17 +29,18 @@ struct ReplayOptions {
 struct ReplayReport {
   std::string device_reason;
   double recorded_s;
-  std::size_t scans, trusted_matches, outputs, dead_reckoned, alarms, disabled_samples, dropped_late, tile_loads;
-  std::size_t rule_counts[5];   ///< decisions by GateRule; [0] is unused
-  double match_residual_m, match_inlier_share, match_iterations;   ///< medians over the trusted matches
-  double match_p99_s, match_median_s;   ///< wall time from a sweep's samples to its pose
+  std::size_t scans, trusted_matches, outputs, dead_reckoned, alarms, disabled_samples, dropped_late,
+      tile_loads;
+  std::size_t rule_counts[5];                                     ///< decisions by GateRule; [0] is unused
+  double match_residual_m, match_inlier_share, match_iterations;  ///< medians over the trusted matches
+  double match_p99_s, match_median_s;  ///< wall time from a sweep's samples to its pose
   Trajectory trajectory;
 };
 
 /** Runs a log through the localizer, in order of its stamps, as fast as it goes.
  * \param output_path  annotated rawlog, see AnnotatedLog; empty: none
- * \throws InputError for a log or map that cannot be read, a map without georeference, a log without a LiDAR of the configured label,
- *         without a GPS to start from, or one in which no start was found. */
+ * \throws InputError for a log or map that cannot be read, a map without georeference, a log without a LiDAR
+ * of the configured label, without a GPS to start from, or one in which no start was found. */
 [[nodiscard]] ReplayReport replay(const std::string& log_path, const std::string& map_path,
                                   const std::string& output_path, const ReplayOptions& options,
                                   const std::function<void(double)>& progress);

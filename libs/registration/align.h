@@ -14,10 +14,10 @@ namespace raceloc {
 /** Result of align(): not converging is a result, not an exception. */
 struct Registration {
   Pose T_target_source;
-  Matrix6d covariance;      ///< of the pose, right increment (rad, m), scaled and floored as GicpOptions say
-  double inlier_share;      ///< source points with a pair, 0..1
-  double residual_m;        ///< root mean square distance of the pairs across their surface
-  Vector6d weakest;         ///< unit direction (rad, m) that the pairs fix least, e.g. along a straight
+  Matrix6d covariance;  ///< of the pose, right increment (rad, m), scaled and floored as GicpOptions say
+  double inlier_share;  ///< source points with a pair, 0..1
+  double residual_m;    ///< root mean square distance of the pairs across their surface
+  Vector6d weakest;     ///< unit direction (rad, m) that the pairs fix least, e.g. along a straight
   int iterations;
   gpu::Stop stop;
   [[nodiscard]] bool trusted(const GicpOptions& options) const {
@@ -30,9 +30,11 @@ struct Registration {
  * \param source  points with covariances, e.g. body frame [m, m^2]
  * \param target  voxel Gaussians, e.g. map frame; never changed
  * \param T_target_source_guess  within about one voxel and 5 deg of the truth
- * Source: Segal et al., RSS 2009 (cost, with the pair's covariance C_q + R C_p R'); Koide et al., ICRA 2021 (voxels). */
-[[nodiscard]] Registration align(gpu::Context& context, const CovarianceCloud& source, const gpu::VoxelMap& target,
-                                 const Pose& T_target_source_guess, const GicpOptions& options);
+ * Source: Segal et al., RSS 2009 (cost, with the pair's covariance C_q + R C_p R'); Koide et al., ICRA 2021
+ * (voxels). */
+[[nodiscard]] Registration align(gpu::Context& context, const CovarianceCloud& source,
+                                 const gpu::VoxelMap& target, const Pose& T_target_source_guess,
+                                 const GicpOptions& options);
 
 /** "converged", "max_iterations", ... for people. */
 [[nodiscard]] std::string nameOf(gpu::Stop stop);

@@ -12,7 +12,7 @@ struct GicpOptions {
   int max_iterations = 30;
   double translation_epsilon_m = 1e-3;
   double rotation_epsilon_deg = 0.02;
-  int neighbour_voxels = 7;
+  int neighbour_voxels = 1;
   double robust_width = 1.0;
   double max_distance_m = 2.0;
   double min_inlier_share = 0.4;

@@ -34,7 +34,8 @@ void CsvGps::describe(OptionList& keys) {
   keys.add("sigma", sigma, "column of the horizontal standard deviation [m]; empty: sigma_m");
   keys.add("sigma_m", sigma_m, above(0), "standard deviation where there is no column [m]");
   keys.add("vertical_ratio", vertical_ratio, above(0), "vertical over horizontal standard deviation");
-  keys.add("fix_quality", fix_quality, between(1, 8), "as in NMEA GGA: 1 single, 2 DGPS, 4 RTK fixed, 5 RTK float");
+  keys.add("fix_quality", fix_quality, between(1, 8),
+           "as in NMEA GGA: 1 single, 2 DGPS, 4 RTK fixed, 5 RTK float");
   keys.add("antenna_x_m", antenna_x_m, between(-20, 20), "antenna in the body, forward [m]");
   keys.add("antenna_y_m", antenna_y_m, between(-20, 20), "left [m]");
   keys.add("antenna_z_m", antenna_z_m, between(-20, 20), "up [m]");
@@ -60,7 +61,8 @@ void CsvVehicle::describe(OptionList& keys) {
   keys.add("yaw_rate_scale", yaw_rate_scale, between(-1e6, 1e6), "times a cell gives rad/s, left positive");
   keys.add("steering", steering, "column; may be empty");
   keys.add("steering_scale", steering_scale, between(-1e6, 1e6), "times a cell gives rad, left positive");
-  keys.add("steering_ratio", steering_ratio, above(0), "steering wheel over road wheels; 1: the column is road wheels");
+  keys.add("steering_ratio", steering_ratio, above(0),
+           "steering wheel over road wheels; 1: the column is road wheels");
   keys.add("wheelbase_m", wheelbase_m, atLeast(0), "between the axles [m]; needed without a yaw_rate column");
 }
 
@@ -83,8 +85,9 @@ class CsvRows {
     const auto found = std::find(x_columns.begin(), x_columns.end(), name);
     if (found != x_columns.end()) return static_cast<std::size_t>(found - x_columns.begin());
     const std::string nearest = nearestName(name, x_columns);
-    throw InputError("csv " + x_path + ": no column " + name + " for " + key +
-                     (nearest.empty() ? " (columns: " + listed(x_columns) + ")" : "; did you mean " + nearest + "?"));
+    throw InputError(
+        "csv " + x_path + ": no column " + name + " for " + key +
+        (nearest.empty() ? " (columns: " + listed(x_columns) + ")" : "; did you mean " + nearest + "?"));
   }
 
   /** Calls `use(where, cells)` with the cells of the given columns in each row that has them all.
@@ -114,7 +117,8 @@ class CsvRows {
     if (file.delimiter == "tab") return '\t';
     if (file.delimiter == "blank") return ' ';
     if (file.delimiter.size() == 1) return file.delimiter[0];
-    throw InputError("csv " + file.file + ": delimiter " + file.delimiter + " must be one character, tab or blank");
+    throw InputError("csv " + file.file + ": delimiter " + file.delimiter +
+                     " must be one character, tab or blank");
   }
 
   std::string x_path;
@@ -167,39 +171,43 @@ void readGps(const CsvGps& gps, const CsvLog& source, Gathered& gathered) {
   std::mt19937_64 engine(source.gps_noise.seed);
   std::normal_distribution<double> noise(0, 1);
   auto& origin = gathered.summary.origin;
-  const auto dropped = rows.forEach(columns, [&](const std::string& where, const std::vector<std::string>& row) {
-    const GeodeticPoint position{numberIn(where, row[1]), numberIn(where, row[2]),
-                                 gps.height.empty() ? gps.height_m : numberIn(where, row[3])};
-    if (std::abs(position.latitude_deg) > 90 || std::abs(position.longitude_deg) > 180)
-      throw InputError(where + ": latitude or longitude is out of range");
-    const double sigma_m = gps.sigma.empty() ? gps.sigma_m : numberIn(where, row.back());
-    if (!(sigma_m > 0)) throw InputError(where + ": the standard deviation must be > 0: " + row.back());
-    if (!origin) origin = position;
-    const double east = noise(engine);
-    const double north = noise(engine);
-    const Eigen::Vector3d sigmas_m = sigma_m * Eigen::Vector3d(1, 1, gps.vertical_ratio);
-    gathered.samples.emplace_back(
-        GpsFix{stampIn(where, row[0], gps.stamp_format), gps.label,
-               toMap(position, *origin) + source.gps_noise.sigma_m * Eigen::Vector3d(east, north, 0),
-               sigmas_m.cwiseAbs2().asDiagonal(), Eigen::Vector3d(gps.antenna_x_m, gps.antenna_y_m, gps.antenna_z_m),
-               gps.fix_quality});
-  });
+  const auto dropped =
+      rows.forEach(columns, [&](const std::string& where, const std::vector<std::string>& row) {
+        const GeodeticPoint position{numberIn(where, row[1]), numberIn(where, row[2]),
+                                     gps.height.empty() ? gps.height_m : numberIn(where, row[3])};
+        if (std::abs(position.latitude_deg) > 90 || std::abs(position.longitude_deg) > 180)
+          throw InputError(where + ": latitude or longitude is out of range");
+        const double sigma_m = gps.sigma.empty() ? gps.sigma_m : numberIn(where, row.back());
+        if (!(sigma_m > 0)) throw InputError(where + ": the standard deviation must be > 0: " + row.back());
+        if (!origin) origin = position;
+        const double east = noise(engine);
+        const double north = noise(engine);
+        const Eigen::Vector3d sigmas_m = sigma_m * Eigen::Vector3d(1, 1, gps.vertical_ratio);
+        gathered.samples.emplace_back(
+            GpsFix{stampIn(where, row[0], gps.stamp_format), gps.label,
+                   toMap(position, *origin) + source.gps_noise.sigma_m * Eigen::Vector3d(east, north, 0),
+                   sigmas_m.cwiseAbs2().asDiagonal(),
+                   Eigen::Vector3d(gps.antenna_x_m, gps.antenna_y_m, gps.antenna_z_m), gps.fix_quality});
+      });
   gathered.noteDropped(dropped, gps);
 }
 
 void readImu(const CsvImu& imu, const CsvLog& source, Gathered& gathered) {
   const CsvRows rows(imu, source.folder);
   const std::vector<std::size_t> columns{
-      rows.column("stamp", imu.stamp),     rows.column("gyro_x", imu.gyro_x),   rows.column("gyro_y", imu.gyro_y),
-      rows.column("gyro_z", imu.gyro_z),   rows.column("accel_x", imu.accel_x), rows.column("accel_y", imu.accel_y),
+      rows.column("stamp", imu.stamp),     rows.column("gyro_x", imu.gyro_x),
+      rows.column("gyro_y", imu.gyro_y),   rows.column("gyro_z", imu.gyro_z),
+      rows.column("accel_x", imu.accel_x), rows.column("accel_y", imu.accel_y),
       rows.column("accel_z", imu.accel_z)};
-  const auto dropped = rows.forEach(columns, [&](const std::string& where, const std::vector<std::string>& row) {
-    const auto vector = [&](std::size_t i) {
-      return Eigen::Vector3d(numberIn(where, row[i]), numberIn(where, row[i + 1]), numberIn(where, row[i + 2]));
-    };
-    gathered.samples.emplace_back(ImuSample{stampIn(where, row[0], imu.stamp_format), imu.label,
-                                            imu.gyro_scale * vector(1), imu.accel_scale * vector(4)});
-  });
+  const auto dropped =
+      rows.forEach(columns, [&](const std::string& where, const std::vector<std::string>& row) {
+        const auto vector = [&](std::size_t i) {
+          return Eigen::Vector3d(numberIn(where, row[i]), numberIn(where, row[i + 1]),
+                                 numberIn(where, row[i + 2]));
+        };
+        gathered.samples.emplace_back(ImuSample{stampIn(where, row[0], imu.stamp_format), imu.label,
+                                                imu.gyro_scale * vector(1), imu.accel_scale * vector(4)});
+      });
   gathered.noteDropped(dropped, imu);
 }
 
@@ -213,18 +221,21 @@ void readVehicle(const CsvVehicle& vehicle, const CsvLog& source, Gathered& gath
   std::vector<std::size_t> columns{rows.column("stamp", vehicle.stamp), rows.column("speed", vehicle.speed)};
   if (has_yaw_rate) columns.push_back(rows.column("yaw_rate", vehicle.yaw_rate));
   if (has_steering) columns.push_back(rows.column("steering", vehicle.steering));
-  const auto dropped = rows.forEach(columns, [&](const std::string& where, const std::vector<std::string>& row) {
-    MotionSample motion{stampIn(where, row[0], vehicle.stamp_format), vehicle.label,
-                        vehicle.speed_scale * numberIn(where, row[1]), 0};
-    if (has_steering)
-      motion.steering_rad = vehicle.steering_scale / vehicle.steering_ratio * numberIn(where, row.back());
-    motion.yaw_rate_rps = has_yaw_rate ? vehicle.yaw_rate_scale * numberIn(where, row[2])
-                                       : motion.speed_mps * std::tan(*motion.steering_rad) / vehicle.wheelbase_m;
-    gathered.samples.emplace_back(motion);
-  });
+  const auto dropped =
+      rows.forEach(columns, [&](const std::string& where, const std::vector<std::string>& row) {
+        MotionSample motion{stampIn(where, row[0], vehicle.stamp_format), vehicle.label,
+                            vehicle.speed_scale * numberIn(where, row[1]), 0};
+        if (has_steering)
+          motion.steering_rad = vehicle.steering_scale / vehicle.steering_ratio * numberIn(where, row.back());
+        motion.yaw_rate_rps = has_yaw_rate
+                                  ? vehicle.yaw_rate_scale * numberIn(where, row[2])
+                                  : motion.speed_mps * std::tan(*motion.steering_rad) / vehicle.wheelbase_m;
+        gathered.samples.emplace_back(motion);
+      });
   gathered.noteDropped(dropped, vehicle);
   if (!has_yaw_rate)
-    gathered.summary.notes.push_back("yaw rate of " + vehicle.label + " computed from speed, steering and wheelbase");
+    gathered.summary.notes.push_back("yaw rate of " + vehicle.label +
+                                     " computed from speed, steering and wheelbase");
 }
 
 }  // namespace
@@ -244,7 +255,8 @@ ImportSummary importLog(const CsvLog& source, const std::string& log_path, const
   if (!imu.file.empty()) readImu(imu, source, gathered);
   if (!vehicle.file.empty()) readVehicle(vehicle, source, gathered);
   if (gathered.samples.empty())
-    throw InputError("ini " + source.ini_path + ": nothing to import; give [gps], [imu] or [vehicle] a file with rows");
+    throw InputError("ini " + source.ini_path +
+                     ": nothing to import; give [gps], [imu] or [vehicle] a file with rows");
   std::stable_sort(gathered.samples.begin(), gathered.samples.end(),
                    [](const Sample& a, const Sample& b) { return stampOf(a) < stampOf(b); });
 

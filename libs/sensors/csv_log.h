@@ -14,7 +14,7 @@ enum class StampFormat { seconds, milliseconds, microseconds, nanoseconds, iso86
 
 /** What the three sections share. A section without `file` is not used. */
 struct CsvFile {
-  std::string file;             ///< relative to the folder of the import
+  std::string file;  ///< relative to the folder of the import
   std::string label;
   std::string delimiter = ",";  ///< one character, or `tab`, or `blank`
   std::string stamp;            ///< column
@@ -25,10 +25,10 @@ struct CsvFile {
 /** Section [gps]. */
 struct CsvGps : CsvFile {
   CsvGps() { label = "gps"; }
-  std::string latitude, longitude;   ///< columns [deg]
-  std::string height;                ///< column [m above the ellipsoid]; empty: height_m
+  std::string latitude, longitude;  ///< columns [deg]
+  std::string height;               ///< column [m above the ellipsoid]; empty: height_m
   double height_m = 0;
-  std::string sigma;                 ///< column [m]; empty: sigma_m
+  std::string sigma;  ///< column [m]; empty: sigma_m
   double sigma_m = 2.5, vertical_ratio = 1.5;
   int fix_quality = 1;
   double antenna_x_m = 0, antenna_y_m = 0, antenna_z_m = 0;
@@ -44,8 +44,8 @@ struct CsvImu : CsvFile {
   void describe(OptionList& keys);
 };
 
-/** Section [vehicle]. Without a column for the yaw rate it comes from the single-track model without sideslip,
- * speed * tan(steering) / wheelbase. */
+/** Section [vehicle]. Without a column for the yaw rate it comes from the single-track model without
+ * sideslip, speed * tan(steering) / wheelbase. */
 struct CsvVehicle : CsvFile {
   CsvVehicle() { label = "vehicle"; }
   std::string speed, yaw_rate, steering;  ///< columns; the last two may be empty
@@ -64,8 +64,9 @@ struct CsvLog {
 };
 
 /** Map origin: the first fix. Rows with an empty cell in a needed column are dropped and counted.
- * \throws InputError naming the file and line for a cell that is no number or time, a row with too few or too many cells,
- *         a missing column (with the nearest name), or an ini whose sections use no file. */
-[[nodiscard]] ImportSummary importLog(const CsvLog& source, const std::string& log_path, const ShareDone& done);
+ * \throws InputError naming the file and line for a cell that is no number or time, a row with too few or too
+ * many cells, a missing column (with the nearest name), or an ini whose sections use no file. */
+[[nodiscard]] ImportSummary importLog(const CsvLog& source, const std::string& log_path,
+                                      const ShareDone& done);
 
 }  // namespace raceloc

@@ -44,8 +44,8 @@ std::string toText(const std::vector<DeviceSummary>& devices) {
     const double span_s = d.last_s - d.first_s;
     const double rate_hz = span_s > 0 ? static_cast<double>(d.count - 1) / span_s : 0;
     char line[160];
-    std::snprintf(line, sizeof line, "  %-9s %-16s %8zu %9.2f %8.2f %15.3f\n", d.kind.c_str(), d.label.c_str(), d.count,
-                  rate_hz, span_s, d.max_gap_s);
+    std::snprintf(line, sizeof line, "  %-9s %-16s %8zu %9.2f %8.2f %15.3f\n", d.kind.c_str(),
+                  d.label.c_str(), d.count, rate_hz, span_s, d.max_gap_s);
     text += line;
   }
   return text;

@@ -14,8 +14,8 @@ std::string toText(const ImportSummary& summary) {
   std::string text = toText(summary.devices);
   char line[200];
   if (summary.origin) {
-    std::snprintf(line, sizeof line, "  map origin  %.9f deg, %.9f deg, %.3f m\n", summary.origin->latitude_deg,
-                  summary.origin->longitude_deg, summary.origin->height_m);
+    std::snprintf(line, sizeof line, "  map origin  %.9f deg, %.9f deg, %.3f m\n",
+                  summary.origin->latitude_deg, summary.origin->longitude_deg, summary.origin->height_m);
     text += line;
   }
   if (summary.truth && !summary.truth->poses.empty()) {
@@ -55,7 +55,8 @@ void requireFolder(const std::string& what, const std::string& folder) {
     throw InputError(what + " " + folder + ": no such folder; check the path");
 }
 
-std::vector<std::string> filesIn(const std::string& what, const std::string& folder, const std::string& extension) {
+std::vector<std::string> filesIn(const std::string& what, const std::string& folder,
+                                 const std::string& extension) {
   std::error_code error;
   std::vector<std::string> files;
   for (const auto& entry : std::filesystem::directory_iterator(folder, error))

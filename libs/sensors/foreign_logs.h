@@ -22,8 +22,8 @@ using ShareDone = std::function<void(double)>;  ///< told the share of the work 
 
 struct ImportSummary {
   std::vector<DeviceSummary> devices;
-  std::vector<std::string> notes;      ///< what was dropped or assumed, and why
-  std::optional<Trajectory> truth;     ///< when the source has one
+  std::vector<std::string> notes;       ///< what was dropped or assumed, and why
+  std::optional<Trajectory> truth;      ///< when the source has one
   std::optional<GeodeticPoint> origin;  ///< of the map frame, when the source has GPS
 };
 

@@ -36,7 +36,8 @@ Eigen::Vector3d toMap(const GeodeticPoint& point, const GeodeticPoint& origin) {
 }
 
 GeodeticPoint fromMap(const Eigen::Vector3d& p_map_m, const GeodeticPoint& origin) {
-  // Through the earth's centre, because MRPT's ENUToGeocentric takes the geocentric vertical: 17 m off in height.
+  // Through the earth's centre, because MRPT's ENUToGeocentric takes the geocentric vertical: 17 m off in
+  // height.
   const Eigen::Vector3d p_earth = earthFromMap(origin) * p_map_m;
   mrpt::topography::TGeodeticCoords point;
   mrpt::topography::geocentricToGeodetic({p_earth.x(), p_earth.y(), p_earth.z()}, point);
@@ -44,7 +45,8 @@ GeodeticPoint fromMap(const Eigen::Vector3d& p_map_m, const GeodeticPoint& origi
 }
 
 Pose mapFromMap(const GeodeticPoint& to, const GeodeticPoint& from) {
-  if (to.latitude_deg == from.latitude_deg && to.longitude_deg == from.longitude_deg && to.height_m == from.height_m)
+  if (to.latitude_deg == from.latitude_deg && to.longitude_deg == from.longitude_deg &&
+      to.height_m == from.height_m)
     return Pose::Identity();
   return earthFromMap(to).inverse() * earthFromMap(from);
 }

@@ -139,8 +139,8 @@ Pose mapFromBody(const OxtsPacket& packet, const GeodeticPoint& origin, const Ei
   return mapFromMap(origin, packet.position) * T_here_imu * Eigen::Translation3d(-p_body_imu_m);
 }
 
-std::vector<Sample> samplesOf(const OxtsPacket& packet, const Pose& T_map_body, const Eigen::Vector3d& noise_map_m,
-                              const Eigen::Vector3d& p_body_imu_m) {
+std::vector<Sample> samplesOf(const OxtsPacket& packet, const Pose& T_map_body,
+                              const Eigen::Vector3d& noise_map_m, const Eigen::Vector3d& p_body_imu_m) {
   std::vector<Sample> samples;
   if (packet.navigation_status >= 3) {
     const Eigen::Vector3d sigmas_m = packet.position_sigma_m * Eigen::Vector3d(1, 1, kVerticalRatio);
@@ -174,8 +174,8 @@ struct StampFile {
       : path(drive.folder + "/velodyne_points/" + name), stamps_s(readStamps(path, drive.utc_offset_h)) {}
   [[nodiscard]] double at(std::size_t number) const {
     if (number < stamps_s.size()) return stamps_s[number];
-    throw InputError("KITTI stamps " + path + ": no line " + std::to_string(number + 1) + ", but there is a scan " +
-                     std::to_string(number));
+    throw InputError("KITTI stamps " + path + ": no line " + std::to_string(number + 1) +
+                     ", but there is a scan " + std::to_string(number));
   }
   std::string path;
   std::vector<double> stamps_s;
@@ -219,7 +219,8 @@ ImportSummary importLog(const KittiRawDrive& drive, const std::string& log_path,
   if (scans.empty()) throw InputError("KITTI scans " + drive.folder + ": the decimation keeps none");
 
   const std::string calibration =
-      (std::filesystem::path(drive.folder + "/.").parent_path().parent_path() / "calib_imu_to_velo.txt").string();
+      (std::filesystem::path(drive.folder + "/.").parent_path().parent_path() / "calib_imu_to_velo.txt")
+          .string();
   const auto R = readTagged(calibration, "R", 9);
   const auto p = readTagged(calibration, "T", 3);
   const Pose T_velo_imu = rigid(Eigen::Map<const Eigen::Matrix<double, 3, 3, Eigen::RowMajor>>(R.data()),
@@ -229,9 +230,10 @@ ImportSummary importLog(const KittiRawDrive& drive, const std::string& log_path,
   ImportSummary summary;
   summary.origin = drive.origin ? drive.origin : packets.front().position;
   summary.truth = Trajectory{summary.origin, {}};
-  ImportLog log(log_path, {summary.origin, "// imported from the KITTI raw drive " +
-                                               std::filesystem::path(drive.folder + "/.").parent_path().filename().string() +
-                                               "\n"});
+  ImportLog log(log_path,
+                {summary.origin,
+                 "// imported from the KITTI raw drive " +
+                     std::filesystem::path(drive.folder + "/.").parent_path().filename().string() + "\n"});
   std::mt19937_64 engine(drive.gps_noise.seed);
   std::normal_distribution<double> noise(0, 1);
   std::size_t uninitialised = 0;
@@ -253,7 +255,8 @@ ImportSummary importLog(const KittiRawDrive& drive, const std::string& log_path,
     const double east = noise(engine);  // one draw after the other: their order is part of the seed's meaning
     const double north = noise(engine);
     const Eigen::Vector3d noise_map_m = drive.gps_noise.sigma_m * Eigen::Vector3d(east, north, 0);
-    for (const auto& sample : samplesOf(packet, T_map_body, noise_map_m, drive.p_body_imu_m)) log.write(sample);
+    for (const auto& sample : samplesOf(packet, T_map_body, noise_map_m, drive.p_body_imu_m))
+      log.write(sample);
     uninitialised += packet.navigation_status < 3 ? 1 : 0;
     coasting += packet.position_mode == 0 ? 1 : 0;
   }
@@ -261,16 +264,19 @@ ImportSummary importLog(const KittiRawDrive& drive, const std::string& log_path,
   summary.devices = log.commit();
 
   if (uninitialised > 0)
-    summary.notes.push_back(std::to_string(uninitialised) + " OXTS packets gave no GPS fix: INS not initialised");
+    summary.notes.push_back(std::to_string(uninitialised) +
+                            " OXTS packets gave no GPS fix: INS not initialised");
   if (coasting > 0)
-    summary.notes.push_back(std::to_string(coasting) + " OXTS packets without a GPS position: kept as dead reckoning");
+    summary.notes.push_back(std::to_string(coasting) +
+                            " OXTS packets without a GPS position: kept as dead reckoning");
   if (drive.gps_noise.sigma_m > 0)
     summary.notes.push_back("noise of " + std::to_string(drive.gps_noise.sigma_m) +
                             " m on each horizontal axis of GPS and INS; the truth is clean");
   return summary;
 }
 
-ImportSummary importLog(const KittiOdometrySequence& sequence, const std::string& log_path, const ShareDone& done) {
+ImportSummary importLog(const KittiOdometrySequence& sequence, const std::string& log_path,
+                        const ShareDone& done) {
   requireFolder("KITTI sequence", sequence.folder);
   const std::filesystem::path folder = std::filesystem::path(sequence.folder + "/.").parent_path();
   const auto files = filesIn("KITTI scans", (folder / "velodyne").string(), ".bin");
@@ -292,22 +298,24 @@ ImportSummary importLog(const KittiOdometrySequence& sequence, const std::string
     Pose T_body0_cam0 = Pose::Identity();
     const auto lines = readLines("KITTI poses", poses.string());
     for (std::size_t i = 0; i < lines.size(); ++i) {
-      const Pose T_cam0_cam =
-          fromRows(parseNumbers("KITTI poses " + poses.string() + ", line " + std::to_string(i + 1), lines[i], 12));
+      const Pose T_cam0_cam = fromRows(
+          parseNumbers("KITTI poses " + poses.string() + ", line " + std::to_string(i + 1), lines[i], 12));
       if (i == 0) T_body0_cam0 = (T_cam0_cam * T_cam_body).inverse();
-      summary.truth->poses.push_back({stampOfNumber(first_number + i), T_body0_cam0 * T_cam0_cam * T_cam_body});
+      summary.truth->poses.push_back(
+          {stampOfNumber(first_number + i), T_body0_cam0 * T_cam0_cam * T_cam_body});
     }
     if (lines.empty()) throw InputError("KITTI poses " + poses.string() + ": holds no pose");
   } else {
     summary.notes.push_back("no truth: there is no " + poses.string());
   }
 
-  ImportLog log(log_path, {std::nullopt, "// imported from KITTI odometry sequence " + folder.filename().string() +
-                                             "; stamps are nominal, 10 Hz\n"});
+  ImportLog log(log_path, {std::nullopt, "// imported from KITTI odometry sequence " +
+                                             folder.filename().string() + "; stamps are nominal, 10 Hz\n"});
   std::size_t kept = 0;
   for (std::size_t i = 0; i < files.size(); ++i) {
     if (!sequence.decimation.keeps(i)) continue;
-    log.write(Scan{stampOfNumber(numberOf(files[i])), "lidar_top", T_body_lidar, readVelodyneBin(files[i]), {}, {}});
+    log.write(Scan{
+        stampOfNumber(numberOf(files[i])), "lidar_top", T_body_lidar, readVelodyneBin(files[i]), {}, {}});
     ++kept;
     done(static_cast<double>(i + 1) / static_cast<double>(files.size()));
   }

@@ -17,8 +17,8 @@ namespace raceloc {
 
 namespace {
 
-constexpr float kCoordinateSteps = 512;   // per metre
-constexpr float kTimeSteps = 131072;      // per second
+constexpr float kCoordinateSteps = 512;  // per metre
+constexpr float kTimeSteps = 131072;     // per second
 constexpr float kAbsent = -1;
 
 float roundedTo(float steps, float value) { return std::round(value * steps) / steps; }
@@ -91,9 +91,10 @@ std::shared_ptr<mrpt::obs::CObservationPointCloud> toObservation(const Scan& sca
     if (!isFinite(p.x(), p.y(), p.z())) continue;
     map->insertPointFast(roundedTo(kCoordinateSteps, p.x()), roundedTo(kCoordinateSteps, p.y()),
                          roundedTo(kCoordinateSteps, p.z()));
-    map->setPointColor_fast(n++, scan.cloud.intensity.empty() ? kAbsent : scan.cloud.intensity[i],
-                            scan.ring.empty() ? kAbsent : scan.ring[i] / 255,
-                            scan.time_s.empty() ? kAbsent : roundedTo(kTimeSteps, std::max(0.0F, scan.time_s[i])));
+    map->setPointColor_fast(
+        n++, scan.cloud.intensity.empty() ? kAbsent : scan.cloud.intensity[i],
+        scan.ring.empty() ? kAbsent : scan.ring[i] / 255,
+        scan.time_s.empty() ? kAbsent : roundedTo(kTimeSteps, std::max(0.0F, scan.time_s[i])));
   }
   auto observation = mrpt::obs::CObservationPointCloud::Create();
   observation->sensorLabel = scan.label;
@@ -107,7 +108,8 @@ std::optional<Scan> scanFromObservation(const mrpt::obs::CObservation& observati
   Scan scan{fromMrptStamp(observation.timestamp), observation.sensorLabel, Pose::Identity(), {}, {}, {}};
   if (const auto* cloud = dynamic_cast<const mrpt::obs::CObservationPointCloud*>(&observation)) {
     if (cloud->isExternallyStored())
-      throw InputError("LiDAR " + scan.label + ": its points are in the file " + cloud->getExternalStorageFile() +
+      throw InputError("LiDAR " + scan.label + ": its points are in the file " +
+                       cloud->getExternalStorageFile() +
                        " beside the rawlog; put them into it with rawlog-edit --de-externalize");
     scan.T_body_lidar = fromMrpt(cloud->sensorPose);
     if (cloud->pointcloud) readCloud(*cloud->pointcloud, scan);

@@ -9,7 +9,8 @@
 
 namespace raceloc {
 
-constexpr std::int64_t kEpochTicks = 116'444'736'000'000'000;  ///< 1970-01-01 on MRPT's clock, which starts in 1601
+constexpr std::int64_t kEpochTicks =
+    116'444'736'000'000'000;  ///< 1970-01-01 on MRPT's clock, which starts in 1601
 
 /** Rounded to the microsecond, so that a stamp that was read is written back unchanged. */
 [[nodiscard]] inline mrpt::Clock::time_point toMrptStamp(double stamp_s) {

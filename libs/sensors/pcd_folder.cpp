@@ -6,8 +6,8 @@
 #include <cstring>
 #include <filesystem>
 #include <fstream>
-#include <limits>
 #include <initializer_list>
+#include <limits>
 #include <optional>
 #include <utility>
 
@@ -43,7 +43,9 @@ struct Header {
   }
 };
 
-InputError bad(const std::string& path, const std::string& what) { return InputError("PCD " + path + ": " + what); }
+InputError bad(const std::string& path, const std::string& what) {
+  return InputError("PCD " + path + ": " + what);
+}
 
 std::size_t wholeNumber(const std::string& path, const std::string& text, std::size_t limit) {
   const auto number = parseNumber(text);
@@ -109,11 +111,13 @@ double binaryValue(const Field& field, const char* record) {
 
 void requireKnownTypes(const Header& header, const std::string& path) {
   for (const auto& field : header.fields) {
-    const bool known = field.type == 'F' ? field.size == 4 || field.size == 8
-                                         : (field.type == 'U' || field.type == 'I') &&
-                                               (field.size == 1 || field.size == 2 || field.size == 4 || field.size == 8);
+    const bool known = field.type == 'F'
+                           ? field.size == 4 || field.size == 8
+                           : (field.type == 'U' || field.type == 'I') &&
+                                 (field.size == 1 || field.size == 2 || field.size == 4 || field.size == 8);
     if (!known)
-      throw bad(path, "field " + field.name + " is of the unknown type " + field.type + std::to_string(field.size));
+      throw bad(path,
+                "field " + field.name + " is of the unknown type " + field.type + std::to_string(field.size));
   }
 }
 
@@ -145,8 +149,7 @@ class PointSink {
   }
 
   Scan finish() {
-    const double first_s =
-        x_times_s.empty() ? 0 : *std::min_element(x_times_s.begin(), x_times_s.end());
+    const double first_s = x_times_s.empty() ? 0 : *std::min_element(x_times_s.begin(), x_times_s.end());
     for (const double time_s : x_times_s) x_scan.time_s.push_back(static_cast<float>(time_s - first_s));
     return std::move(x_scan);
   }
@@ -186,8 +189,8 @@ Scan readPcd(const std::string& path, double intensity_max) {
       if (!std::getline(in, line)) throw truncated(i);
       const auto words = split(line, ' ');
       if (words.size() != header.columns)
-        throw bad(path, "point " + std::to_string(i + 1) + " does not have " + std::to_string(header.columns) +
-                            " values: " + line.substr(0, 80));
+        throw bad(path, "point " + std::to_string(i + 1) + " does not have " +
+                            std::to_string(header.columns) + " values: " + line.substr(0, 80));
       sink.add([&](const Field& field) {
         const auto& word = words[field.column];
         if (const auto value = parseNumber(word)) return *value;
@@ -218,7 +221,8 @@ ImportSummary importLog(const PcdFolder& source, const std::string& log_path, co
   }
   const bool names_are_times = stampInName(files.front()).has_value();
   if (!names_are_times)
-    summary.notes.push_back("file names are no times: stamps are " + std::to_string(source.rate_hz) + " Hz from 0 s on");
+    summary.notes.push_back("file names are no times: stamps are " + std::to_string(source.rate_hz) +
+                            " Hz from 0 s on");
 
   ImportLog log(log_path, {summary.origin, "// imported from a folder of PCD files\n"});
   std::size_t kept = 0;
@@ -226,7 +230,8 @@ ImportSummary importLog(const PcdFolder& source, const std::string& log_path, co
   for (std::size_t i = 0; i < files.size(); ++i) {
     const auto named_s = stampInName(files[i]);
     if (named_s.has_value() != names_are_times)
-      throw bad(files[i], "some file names are times [s, us or ns since the epoch] and some are not; rename them");
+      throw bad(files[i],
+                "some file names are times [s, us or ns since the epoch] and some are not; rename them");
     const double stamp_s = named_s ? *named_s : static_cast<double>(i) / source.rate_hz;
     if (!(stamp_s > last_s)) throw bad(files[i], "its time is not later than that of the file before");
     last_s = stamp_s;

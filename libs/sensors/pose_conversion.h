@@ -4,8 +4,9 @@
  * Ours is of a right increment xi = (theta, rho), T = T_mean * exp(xi). MRPT's is of the six coordinates
  * (x, y, z, yaw, pitch, roll). To first order in the increment, and exactly in the attitude of the mean,
  *   theta = E(roll, pitch) * (dyaw, dpitch, droll),   rho = R_mean^T * (dx, dy, dz),
- * so each covariance is the other's under a 6x6 Jacobian. First order is enough while the standard deviations of
- * the angles stay below some degrees; the relation is singular at a pitch of +-90 deg, where no car drives. */
+ * so each covariance is the other's under a 6x6 Jacobian. First order is enough while the standard deviations
+ * of the angles stay below some degrees; the relation is singular at a pitch of +-90 deg, where no car
+ * drives. */
 #pragma once
 
 #include "core/types.h"

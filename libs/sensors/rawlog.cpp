@@ -15,7 +15,6 @@
 #include <charconv>
 #include <cmath>
 #include <cstdint>
-#include <fstream>
 #include <limits>
 #include <sstream>
 #include <stdexcept>
@@ -23,6 +22,7 @@
 
 #include "core/labels.h"
 #include "sensors/gps_conversion.h"
+#include "sensors/gzip_length.h"
 #include "sensors/lidar_conversion.h"
 #include "sensors/mrpt_stamp.h"
 #include "sensors/pose_conversion.h"
@@ -51,7 +51,8 @@ const std::string kPoseSuffix = "_pose";
 
 std::string originText(const GeodeticPoint& origin) {
   char text[200];
-  std::snprintf(text, sizeof text, "[raceloc]\norigin_lat_deg = %.17g\norigin_lon_deg = %.17g\norigin_height_m = %.17g\n",
+  std::snprintf(text, sizeof text,
+                "[raceloc]\norigin_lat_deg = %.17g\norigin_lon_deg = %.17g\norigin_height_m = %.17g\n",
                 origin.latitude_deg, origin.longitude_deg, origin.height_m);
   return text;
 }
@@ -75,7 +76,8 @@ std::optional<GeodeticPoint> originIn(const CObservationComment& comment) {
 
 // ---- GPS
 
-/** Position of a GGA with a fix; heights above sea level are lifted to the ellipsoid by the undulation it states. */
+/** Position of a GGA with a fix; heights above sea level are lifted to the ellipsoid by the undulation it
+ * states. */
 std::optional<GeodeticPoint> positionIn(const CObservation& observation) {
   const auto* gps = dynamic_cast<const CObservationGPS*>(&observation);
   if (gps == nullptr || !gps->hasMsgClass<Message_NMEA_GGA>()) return std::nullopt;
@@ -83,8 +85,9 @@ std::optional<GeodeticPoint> positionIn(const CObservation& observation) {
   const double undulation_m = gga.geoidal_distance;
   const GeodeticPoint point{gga.latitude_degrees, gga.longitude_degrees,
                             gga.altitude_meters + (std::isfinite(undulation_m) ? undulation_m : 0)};
-  const bool usable = gga.fix_quality > 0 && std::isfinite(point.latitude_deg) && std::isfinite(point.longitude_deg) &&
-                      std::isfinite(point.height_m) && std::abs(point.latitude_deg) <= 90;
+  const bool usable = gga.fix_quality > 0 && std::isfinite(point.latitude_deg) &&
+                      std::isfinite(point.longitude_deg) && std::isfinite(point.height_m) &&
+                      std::abs(point.latitude_deg) <= 90;
   return usable ? std::optional(point) : std::nullopt;
 }
 
@@ -121,12 +124,10 @@ std::optional<GpsFix> gpsFix(const CObservationGPS& gps, const std::optional<Geo
   if (!position || !map_origin) return std::nullopt;
   const Eigen::Matrix3d R_map_here = mapFromMap(*map_origin, *position).linear();
   const Eigen::Vector3d variances_m2 = sigmasOf(gps).cwiseAbs2();
-  return GpsFix{fromMrptStamp(gps.timestamp),
-                gps.sensorLabel,
-                toMap(*position, *map_origin),
-                R_map_here * variances_m2.asDiagonal() * R_map_here.transpose(),
-                fromMrpt(gps.sensorPose).translation(),
-                gps.getMsgByClass<Message_NMEA_GGA>().fields.fix_quality};
+  return GpsFix{
+      fromMrptStamp(gps.timestamp),           gps.sensorLabel,
+      toMap(*position, *map_origin),          R_map_here * variances_m2.asDiagonal() * R_map_here.transpose(),
+      fromMrpt(gps.sensorPose).translation(), gps.getMsgByClass<Message_NMEA_GGA>().fields.fix_quality};
 }
 
 mrpt::obs::gnss::nv_oem6_position_type::nv_position_type_t novatelType(int fix_quality) {
@@ -164,7 +165,8 @@ std::string receiverOf(const CObservationRobotPose& pose) {
   return is_ins ? label.substr(0, label.size() - kPoseSuffix.size()) : "";
 }
 
-InsPose insPose(const CObservationRobotPose& pose, const GeodeticPoint& map_origin, const GeodeticPoint& log_origin) {
+InsPose insPose(const CObservationRobotPose& pose, const GeodeticPoint& map_origin,
+                const GeodeticPoint& log_origin) {
   // Moving to another map frame multiplies from the left: the covariance of a right increment stays.
   const Pose T_log_body = fromMrpt(pose.pose.mean);
   return {fromMrptStamp(pose.timestamp), receiverOf(pose), mapFromMap(map_origin, log_origin) * T_log_body,
@@ -178,7 +180,9 @@ bool isComplete(const CObservationIMU& imu) {
 
 ImuSample imuSample(const CObservationIMU& imu) {
   const Eigen::Matrix3d R_body_imu = fromMrpt(imu.sensorPose).linear();
-  const auto read = [&](auto x, auto y, auto z) { return Eigen::Vector3d(imu.get(x), imu.get(y), imu.get(z)); };
+  const auto read = [&](auto x, auto y, auto z) {
+    return Eigen::Vector3d(imu.get(x), imu.get(y), imu.get(z));
+  };
   return {fromMrptStamp(imu.timestamp), imu.sensorLabel,
           R_body_imu * read(mrpt::obs::IMU_WX, mrpt::obs::IMU_WY, mrpt::obs::IMU_WZ),
           R_body_imu * read(mrpt::obs::IMU_X_ACC, mrpt::obs::IMU_Y_ACC, mrpt::obs::IMU_Z_ACC)};
@@ -192,7 +196,8 @@ std::pair<std::string, std::string> deviceOf(const CObservation& o) {
     return {o.sensorLabel, "lidar"};
   if (const auto* gps = dynamic_cast<const CObservationGPS*>(&o); gps && gps->hasMsgClass<Message_NMEA_GGA>())
     return {o.sensorLabel, "gps"};
-  if (const auto* imu = dynamic_cast<const CObservationIMU*>(&o); imu && isComplete(*imu)) return {o.sensorLabel, "imu"};
+  if (const auto* imu = dynamic_cast<const CObservationIMU*>(&o); imu && isComplete(*imu))
+    return {o.sensorLabel, "imu"};
   if (const auto* wheel = dynamic_cast<const CObservationOdometry*>(&o); wheel && wheel->hasVelocities)
     return {o.sensorLabel, "vehicle"};
   return {o.sensorLabel, "other"};
@@ -213,12 +218,14 @@ void LogOptions::describe(OptionList& keys) {
   keys.add("gps_labels", gps_labels, "GPS receivers to use, with their INS poses");
   keys.add("imu_labels", imu_labels, "IMUs to use");
   keys.add("vehicle_labels", vehicle_labels, "sources of speed, yaw rate and steering to use");
-  keys.add("reorder_window_s", reorder_window_s, between(0, 60), "samples up to this late are put in order [s]");
+  keys.add("reorder_window_s", reorder_window_s, between(0, 60),
+           "samples up to this late are put in order [s]");
 }
 
 LogSummary summarizeRawlog(const std::string& path) {
   RawlogObjects objects(path);
-  LogSummary summary{path, {}, {}, std::numeric_limits<double>::infinity(), -std::numeric_limits<double>::infinity()};
+  LogSummary summary{
+      path, {}, {}, std::numeric_limits<double>::infinity(), -std::numeric_limits<double>::infinity()};
   std::optional<GeodeticPoint> first_fix;
   DeviceTally tally;
   while (const auto observation = objects.next()) {
@@ -247,13 +254,14 @@ void requireDevice(const LogSummary& summary, const std::string& kind, const std
     labels.push_back(device.label);
   }
   const std::string name = nameOf(kind);
-  throw InputError("rawlog " + summary.path + ": no " + name + " observation labelled " + patterns + " (" + name +
-                   " labels in it: " + listed(labels) + ")");
+  throw InputError("rawlog " + summary.path + ": no " + name + " observation labelled " + patterns + " (" +
+                   name + " labels in it: " + listed(labels) + ")");
 }
 
 // ---- Reading
 
-LogReader::LogReader(const std::string& path, const LogOptions& options, std::optional<GeodeticPoint> map_origin)
+LogReader::LogReader(const std::string& path, const LogOptions& options,
+                     std::optional<GeodeticPoint> map_origin)
     : x_options(options),
       x_objects(std::make_unique<RawlogObjects>(path)),
       x_map_origin(map_origin),
@@ -307,7 +315,8 @@ void LogReader::joinSteering(const CObservationRawDAQ& daq) {
   const Steering steering{fromMrptStamp(daq.timestamp), daq.AIN_double[1]};
   const auto [begin, end] = x_waiting.equal_range(steering.stamp_s);
   for (auto waiting = begin; waiting != end; ++waiting)
-    if (auto* motion = std::get_if<MotionSample>(&waiting->second); motion && motion->label == daq.sensorLabel)
+    if (auto* motion = std::get_if<MotionSample>(&waiting->second);
+        motion && motion->label == daq.sensorLabel)
       motion->steering_rad = steering.steering_rad;
   x_steering[daq.sensorLabel] = steering;
 }
@@ -330,7 +339,8 @@ std::optional<Sample> LogReader::decoded(const CObservation& o) const {
   if (kind == "vehicle" && matchesLabel(x_options.vehicle_labels, label)) {
     const auto& velocity = dynamic_cast<const CObservationOdometry&>(o).velocityLocal;
     MotionSample motion{fromMrptStamp(o.timestamp), label, velocity.vx, velocity.omega};
-    if (const auto last = x_steering.find(label); last != x_steering.end() && last->second.stamp_s == motion.stamp_s)
+    if (const auto last = x_steering.find(label);
+        last != x_steering.end() && last->second.stamp_s == motion.stamp_s)
       motion.steering_rad = last->second.steering_rad;
     return motion;
   }
@@ -357,17 +367,9 @@ CObservationRawDAQ daqOf(const MotionSample& motion, std::vector<double> values)
   return daq;
 }
 
-/** The length of the plain data that a gzip file says it holds, modulo 2^32 (RFC 1952, ISIZE). */
-std::uint32_t statedLength(const std::string& path) {
-  std::ifstream in(path, std::ios::binary);
-  in.seekg(-4, std::ios::end);
-  unsigned char b[4]{};
-  in.read(reinterpret_cast<char*>(b), 4);
-  return in ? static_cast<std::uint32_t>(b[0] | b[1] << 8 | b[2] << 16) | static_cast<std::uint32_t>(b[3]) << 24 : 0;
-}
-
 InputError cannotWrite(const std::string& path) {
-  return InputError("output " + path + ": cannot be written; check the folder, its rights and the space left");
+  return InputError("output " + path +
+                    ": cannot be written; check the folder, its rights and the space left");
 }
 
 }  // namespace
@@ -376,6 +378,7 @@ LogWriter::LogWriter(const std::string& path, const LogHeader& header, int gzip_
     : x_header(header), x_output(path), x_file(std::make_unique<mrpt::io::CFileGZOutputStream>()) {
   if (!x_file->open(x_output.temporaryPath(), gzip_level)) throw cannotWrite(path);
   CObservationComment comment;
+  comment.timestamp = INVALID_TIMESTAMP;  // else the wall clock: same samples, same file
   comment.text = (header.origin ? originText(*header.origin) : "") + header.text;
   write(comment);
 }
@@ -428,7 +431,8 @@ void LogWriter::writeSample(const GpsFix& fix) {
   auto o = observationAt<CObservationGPS>(fix.stamp_s, fix.label);
   o.has_satellite_timestamp = true;
   o.originalReceivedTimestamp = o.timestamp;
-  o.sensorPose = mrpt::poses::CPose3D(fix.p_body_antenna_m.x(), fix.p_body_antenna_m.y(), fix.p_body_antenna_m.z());
+  o.sensorPose =
+      mrpt::poses::CPose3D(fix.p_body_antenna_m.x(), fix.p_body_antenna_m.y(), fix.p_body_antenna_m.z());
   o.setMsg(gga);
   o.setMsg(best);
   write(o);
@@ -464,15 +468,16 @@ void LogWriter::writeSample(const MotionSample& motion) {
 void LogWriter::writeSample(const Scan& scan) { write(*toObservation(scan)); }
 
 void LogWriter::writeVehicleAsDaq(const MotionSample& motion) {
-  write(daqOf(motion, {motion.speed_mps, motion.steering_rad.value_or(std::numeric_limits<double>::quiet_NaN()),
-                       motion.yaw_rate_rps}));
+  write(
+      daqOf(motion, {motion.speed_mps, motion.steering_rad.value_or(std::numeric_limits<double>::quiet_NaN()),
+                     motion.yaw_rate_rps}));
 }
 
 void LogWriter::commit() {
   // gzip buffers, and MRPT's close() hides whether the last bytes reached the disk: the trailer tells.
   const auto length = static_cast<std::uint32_t>(x_file->getPosition());
   x_file->close();
-  if (statedLength(x_output.temporaryPath()) != length) throw cannotWrite(x_output.path());
+  if (statedGzipLength(x_output.temporaryPath()) != length) throw cannotWrite(x_output.path());
   x_output.commit();
 }
 

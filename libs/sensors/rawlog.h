@@ -1,13 +1,13 @@
 /** \file
  * MRPT rawlogs, read and written as the samples of core/samples.h.
  *
- * | sample       | in the rawlog                                                                                    |
+ * | sample       | in the rawlog |
  * |--------------|--------------------------------------------------------------------------------------------------|
- * | Scan         | see sensors/lidar_conversion.h                                                                   |
- * | GpsFix       | CObservationGPS: GGA (position, height above the ellipsoid) and BESTPOS (sigmas east, north, up) |
- * | InsPose      | CObservationRobotPose, label + `_pose`, in the map frame of the header's origin                  |
- * | ImuSample    | CObservationIMU                                                                                  |
- * | MotionSample | CObservationOdometry.velocityLocal; with steering, also CObservationRawDAQ {speed, steering}     |
+ * | Scan         | see sensors/lidar_conversion.h | | GpsFix       | CObservationGPS: GGA (position, height
+ * above the ellipsoid) and BESTPOS (sigmas east, north, up) | | InsPose      | CObservationRobotPose, label +
+ * `_pose`, in the map frame of the header's origin                  | | ImuSample    | CObservationIMU | |
+ * MotionSample | CObservationOdometry.velocityLocal; with steering, also CObservationRawDAQ {speed, steering}
+ * |
  *
  * The header is a CObservationComment with the origin of the map frame as ini text. */
 #pragma once
@@ -57,27 +57,28 @@ struct LogSummary {
 };
 
 /** Reads the log once, without decoding points.
- * \throws InputError if it cannot be read, holds no observation, is truncated or has an unknown class (says after
- *         how many objects). */
+ * \throws InputError if it cannot be read, holds no observation, is truncated or has an unknown class (says
+ * after how many objects). */
 [[nodiscard]] LogSummary summarizeRawlog(const std::string& path);
 
 /** \param kind one of the kinds of DeviceSummary
- * \throws InputError "rawlog P: no LiDAR observation labelled L (LiDAR labels in it: a, b)" if `patterns` match no
- *         label of this kind. */
+ * \throws InputError "rawlog P: no LiDAR observation labelled L (LiDAR labels in it: a, b)" if `patterns`
+ * match no label of this kind. */
 void requireDevice(const LogSummary& summary, const std::string& kind, const std::string& patterns);
 
 /** Streams the samples of a log in order of time; equal stamps keep the order of the file.
  *
- * Samples wait until one that is `reorder_window_s` younger has been read. One that comes later than that, when a
- * younger one has already gone out, is dropped and counted, and so is one without a stamp.
+ * Samples wait until one that is `reorder_window_s` younger has been read. One that comes later than that,
+ * when a younger one has already gone out, is dropped and counted, and so is one without a stamp.
  *
- * The map frame is that of `map_origin` when given, else of the header's origin, else of the first GGA with a fix
- * (known only once next() has met it). INS poses are in the frame of the header's origin, and are skipped in a log
- * without one.
+ * The map frame is that of `map_origin` when given, else of the header's origin, else of the first GGA with a
+ * fix (known only once next() has met it). INS poses are in the frame of the header's origin, and are skipped
+ * in a log without one.
  *
- * A fix of quality 0 is skipped. One without BESTPOS sigmas, as in foreign logs, gets by its quality a horizontal
- * sigma per unit of HDOP (1 when the log has none) of: single or PPS 2.5 m, DGPS 0.8 m, RTK fixed 0.02 m, RTK float
- * 0.3 m, others 5 m; 1.5 times that vertically. These are usual figures of receivers' data sheets, not of this one. */
+ * A fix of quality 0 is skipped. One without BESTPOS sigmas, as in foreign logs, gets by its quality a
+ * horizontal sigma per unit of HDOP (1 when the log has none) of: single or PPS 2.5 m, DGPS 0.8 m, RTK fixed
+ * 0.02 m, RTK float 0.3 m, others 5 m; 1.5 times that vertically. These are usual figures of receivers' data
+ * sheets, not of this one. */
 class LogReader {
  public:
   /** \throws InputError if the file cannot be read. */
@@ -112,8 +113,9 @@ class LogReader {
 };
 
 struct LogHeader {
-  std::optional<GeodeticPoint> origin;  ///< of the map frame; a log without one holds no GPS fix and no INS pose
-  std::string text;                     ///< goes after it: ini text or comments
+  std::optional<GeodeticPoint>
+      origin;        ///< of the map frame; a log without one holds no GPS fix and no INS pose
+  std::string text;  ///< goes after it: ini text or comments
 };
 
 /** Writes a rawlog that appears under its name with commit() only. */
@@ -126,13 +128,13 @@ class LogWriter {
   LogWriter(const LogWriter&) = delete;
   LogWriter& operator=(const LogWriter&) = delete;
 
-  /** Samples in the map frame of the header's origin, in order of time; at one stamp an INS pose goes before its
-   * fix. Of a GPS covariance the sigmas along east, north and up are kept: no message that survives a rawlog holds
-   * the rest.
-   * \throws std::invalid_argument for a GPS fix or INS pose if the header has no origin */
+  /** Samples in the map frame of the header's origin, in order of time; at one stamp an INS pose goes before
+   * its fix. Of a GPS covariance the sigmas along east, north and up are kept: no message that survives a
+   * rawlog holds the rest. \throws std::invalid_argument for a GPS fix or INS pose if the header has no
+   * origin */
   void write(const Sample& sample);
-  /** For output logs, where the estimate is the only odometry: RawDAQ {speed_mps, steering_rad (NaN: unknown),
-   * yaw_rate_rps}. */
+  /** For output logs, where the estimate is the only odometry: RawDAQ {speed_mps, steering_rad (NaN:
+   * unknown), yaw_rate_rps}. */
   void writeVehicleAsDaq(const MotionSample& sample);
   void write(const mrpt::serialization::CSerializable& annotation);
   /** \throws InputError if the disk is full or the file cannot be renamed. */

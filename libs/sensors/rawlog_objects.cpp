@@ -7,25 +7,45 @@
 #include <mrpt/serialization/CArchive.h>
 
 #include <algorithm>
+#include <cstdint>
 #include <filesystem>
 
 #include "core/errors.h"
+#include "sensors/gzip_length.h"
 
 namespace raceloc {
 
+/** Counts the bytes after decompression. */
+class CountedFile : public mrpt::io::CFileGZInputStream {
+ public:
+  std::size_t Read(void* buffer, std::size_t count) override {
+    const std::size_t got = CFileGZInputStream::Read(buffer, count);
+    if (got <= count) x_bytes += got;
+    return got;
+  }
+  [[nodiscard]] std::uint64_t bytes() const { return x_bytes; }
+
+ private:
+  std::uint64_t x_bytes = 0;
+};
+
 namespace {
 
-/** What MRPT says without its back trace. */
-std::string firstLine(const std::string& text) {
-  const auto begin = text.find_first_not_of(" \t\r\n=");
-  return begin == std::string::npos ? text : text.substr(begin, text.find('\n', begin) - begin);
+/** What MRPT says, without its banner and back trace. */
+std::string messageOf(const std::exception& e) {
+  const std::string text = e.what();
+  const std::string tag = "Message:";
+  const auto tagged = text.find(tag);
+  const auto begin = text.find_first_not_of(" \t\r\n", tagged == std::string::npos ? 0 : tagged + tag.size());
+  return begin == std::string::npos ? "" : text.substr(begin, text.find('\n', begin) - begin);
 }
 
 }  // namespace
 
 RawlogObjects::RawlogObjects(const std::string& path)
-    : x_path(path), x_file(std::make_unique<mrpt::io::CFileGZInputStream>()) {
-  mrpt::maps::registerAllClasses_mrpt_maps();  // else the linker drops the point clouds, and reading stops at one
+    : x_path(path), x_file(std::make_unique<CountedFile>()) {
+  mrpt::maps::registerAllClasses_mrpt_maps();  // else the linker drops the point clouds, and reading stops at
+                                               // one
   std::error_code ignored;
   if (!std::filesystem::is_regular_file(path, ignored) || !x_file->open(path))
     throw InputError("rawlog " + path + ": cannot be read; check the path");
@@ -51,12 +71,23 @@ std::shared_ptr<mrpt::obs::CObservation> RawlogObjects::next() {
       return *frame->begin();
     }
   } catch (const mrpt::serialization::CExceptionEOF&) {
+    requireWhole();
     return nullptr;
   } catch (const std::exception& e) {
     throw InputError("rawlog " + x_path + ": truncated, damaged or of an unknown class after " +
-                     std::to_string(x_objects) + " objects (" + firstLine(e.what()) +
+                     std::to_string(x_objects) + " objects (" + messageOf(e) +
                      "); cut it there with rawlog-edit, or record it again");
   }
+}
+
+void RawlogObjects::requireWhole() const {
+  // A gzip file that is cut ends like a whole one as far as MRPT tells; the length in its trailer does not
+  // fit.
+  const auto stated = statedGzipLength(x_path);
+  if (stated && *stated != static_cast<std::uint32_t>(x_file->bytes()))
+    throw InputError(
+        "rawlog " + x_path + ": truncated after " + std::to_string(x_objects) +
+        " objects; record it again, or if it was put together of several gzip files, unpack it first");
 }
 
 double RawlogObjects::progress() const {

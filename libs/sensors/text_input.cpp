@@ -17,7 +17,8 @@ std::string_view trimmed(std::string_view text) {
   const auto first = text.find_first_not_of(" \t\r");
   if (first == std::string_view::npos) return {};
   text = text.substr(first, text.find_last_not_of(" \t\r") - first + 1);
-  return text.size() >= 2 && text.front() == '"' && text.back() == '"' ? text.substr(1, text.size() - 2) : text;
+  return text.size() >= 2 && text.front() == '"' && text.back() == '"' ? text.substr(1, text.size() - 2)
+                                                                       : text;
 }
 
 }  // namespace
@@ -72,10 +73,10 @@ std::optional<double> parseCivilTime(std::string_view text) {
   int length = 0;
   char between = 0;
   const std::string copy(text);
-  if (std::sscanf(copy.c_str(), "%4d-%2d-%2d%c%2d:%2d:%2d%n", &t.tm_year, &t.tm_mon, &t.tm_mday, &between, &t.tm_hour,
-                  &t.tm_min, &t.tm_sec, &length) != 7 ||
-      (between != 'T' && between != ' ') || t.tm_mon < 1 || t.tm_mon > 12 || t.tm_mday < 1 || t.tm_mday > 31 ||
-      t.tm_hour > 23 || t.tm_min > 59 || t.tm_sec > 60)
+  if (std::sscanf(copy.c_str(), "%4d-%2d-%2d%c%2d:%2d:%2d%n", &t.tm_year, &t.tm_mon, &t.tm_mday, &between,
+                  &t.tm_hour, &t.tm_min, &t.tm_sec, &length) != 7 ||
+      (between != 'T' && between != ' ') || t.tm_mon < 1 || t.tm_mon > 12 || t.tm_mday < 1 ||
+      t.tm_mday > 31 || t.tm_hour > 23 || t.tm_min > 59 || t.tm_sec > 60)
     return std::nullopt;
   t.tm_year -= 1900;
   t.tm_mon -= 1;

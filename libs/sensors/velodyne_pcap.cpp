@@ -27,7 +27,9 @@ using mrpt::obs::gnss::Message_NMEA_RMC;
 constexpr double kHour_s = 3600;
 constexpr std::uint32_t kDataRecordBytes = 1206 + 42;  // payload, and its Ethernet, IP and UDP headers
 
-InputError bad(const std::string& path, const std::string& what) { return InputError("pcap " + path + ": " + what); }
+InputError bad(const std::string& path, const std::string& what) {
+  return InputError("pcap " + path + ": " + what);
+}
 
 /** When the first data packet was captured. Source: pcap-savefile(5). */
 double firstCaptureStamp(const std::string& path) {
@@ -69,9 +71,10 @@ class Capture {
       x_driver.loadConfig(mrpt::config::CConfigFileMemory(text), "v");
       x_driver.initialize();
     } catch (const std::exception&) {
-      throw bad(x_path, "MRPT's Velodyne driver refuses it; check the capture, the model " + nameOf(source.model) +
-                            " and the calibration file" +
-                            (source.calibration_path.empty() ? " (none given)" : " " + source.calibration_path));
+      throw bad(x_path,
+                "MRPT's Velodyne driver refuses it; check the capture, the model " + nameOf(source.model) +
+                    " and the calibration file" +
+                    (source.calibration_path.empty() ? " (none given)" : " " + source.calibration_path));
     }
   }
 
@@ -87,7 +90,9 @@ class Capture {
   mrpt::hwdrivers::CVelodyneScanner x_driver;
 };
 
-double deviceClock(const CObservationVelodyneScan& sweep) { return sweep.scan_packets.front().gps_timestamp() * 1e-6; }
+double deviceClock(const CObservationVelodyneScan& sweep) {
+  return sweep.scan_packets.front().gps_timestamp() * 1e-6;
+}
 
 /** What the LiDAR's clock (seconds within an hour) lacks to UTC, and how many sweeps there are. */
 struct ClockOffset {
@@ -120,8 +125,8 @@ std::optional<GpsFix> gpsFix(const CObservationGPS& gps, const VelodynePcap& sou
   const GeodeticPoint position{rmc.latitude_degrees, rmc.longitude_degrees, source.height_m};
   if (!origin) origin = position;
   const Eigen::Vector3d variances_m2(2.5 * 2.5, 2.5 * 2.5, 100.0 * 100.0);
-  return GpsFix{fromMrptStamp(gps.timestamp), source.gps_label, toMap(position, *origin), variances_m2.asDiagonal(),
-                Eigen::Vector3d::Zero(), 1};
+  return GpsFix{fromMrptStamp(gps.timestamp), source.gps_label,        toMap(position, *origin),
+                variances_m2.asDiagonal(),    Eigen::Vector3d::Zero(), 1};
 }
 
 }  // namespace
@@ -129,7 +134,8 @@ std::optional<GpsFix> gpsFix(const CObservationGPS& gps, const VelodynePcap& sou
 ImportSummary importLog(const VelodynePcap& source, const std::string& log_path, const ShareDone& done) {
   mrpt::maps::registerAllClasses_mrpt_maps();
   const ClockOffset clock = measureClock(source);
-  if (clock.sweeps == 0) throw bad(source.path, "no whole sweep in it; check the model " + nameOf(source.model));
+  if (clock.sweeps == 0)
+    throw bad(source.path, "no whole sweep in it; check the model " + nameOf(source.model));
 
   ImportSummary summary;
   summary.notes.emplace_back(clock.by_satellites ? "stamps are satellite time"
@@ -152,7 +158,8 @@ ImportSummary importLog(const VelodynePcap& source, const std::string& log_path,
     if (!sweep || sweep->scan_packets.empty()) continue;
     if (!sweep->has_satellite_timestamp) {
       double stamp_s = clock.offset_s + deviceClock(*sweep);
-      if (number > 0) stamp_s += kHour_s * std::round((last_s - stamp_s) / kHour_s);  // its clock restarts each hour
+      if (number > 0)
+        stamp_s += kHour_s * std::round((last_s - stamp_s) / kHour_s);  // its clock restarts each hour
       sweep->timestamp = toMrptStamp(stamp_s);
     }
     last_s = fromMrptStamp(sweep->timestamp);

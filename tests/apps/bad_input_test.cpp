@@ -58,7 +58,7 @@ class BadLogOrIni : public BadInput, public ::testing::WithParamInterface<std::s
   }
 };
 INSTANTIATE_TEST_SUITE_P(Apps, BadLogOrIni, ::testing::Values("map", "live"),
-                         [](const auto& info) { return info.param; });
+                         [](const auto& test) { return test.param; });
 
 TEST_P(BadLogOrIni, LogIsMissing) {
   expectRefused(command(goodIni(), in / "nowhere.rawlog"), {in / "nowhere.rawlog"});
@@ -100,7 +100,7 @@ TEST_P(BadLogOrIni, LogHasNoLidar) {
     } catch (const mrpt::serialization::CExceptionEOF&) {
     }
   }
-  expectRefused(command(goodIni(), blind), {blind, "lidar"});
+  expectRefused(command(goodIni(), blind), {blind, "LiDAR"});
 }
 
 TEST_P(BadLogOrIni, LabelIsNotInTheLog) {
@@ -332,7 +332,7 @@ TEST_F(BadTrajectory, IsOfAnotherTime) {
 class CommandLines : public BadInput, public ::testing::WithParamInterface<std::string> {};
 INSTANTIATE_TEST_SUITE_P(Apps, CommandLines,
                          ::testing::Values("raceloc-import", "raceloc-map", "raceloc-live", "raceloc-eval"),
-                         [](const auto& info) { return info.param.substr(8); });
+                         [](const auto& test) { return test.param.substr(8); });
 
 TEST_P(CommandLines, HelpIsAManual) {
   const auto result = runCommand({app(GetParam()), "--help"});

@@ -42,20 +42,18 @@ TEST(SyntheticDrive, GivesTheSameBitsTwice) {
   const TemporaryFolder out, again_out;
   const auto run = localize(kDrive, kDrive.race(), out), again = localize(kDrive, kDrive.race(), again_out);
   EXPECT_EQ(run.trajectory, again.trajectory);
-  EXPECT_EQ(readFile(out / "out.rawlog"), readFile(again_out / "out.rawlog"));
+  EXPECT_TRUE(readFile(out / "out.rawlog") == readFile(again_out / "out.rawlog"));
 }
 
 TEST(SyntheticDrive, AnnotatedLogOpensInMrpt) {
-  if (runCommand({"rawlog-edit", "--version"}).exit_code != 0)
+  if (runCommand({"which", "rawlog-edit"}).exit_code != 0)
     GTEST_SKIP() << "rawlog-edit is not installed (mrpt-apps)";
   const TemporaryFolder out;
   (void)localize(kDrive, kDrive.race(), out);
   const auto info = runCommand({"rawlog-edit", "--info", "-i", out / "out.rawlog"});
   EXPECT_EQ(info.exit_code, 0) << info.err;
-  for (const std::string kind : {"CObservationPointCloud", "CObservationRobotPose", "CObservationGPS",
-                                 "CObservation3DScene", "CObservationRawDAQ"})
-    EXPECT_THAT(info.out, HasSubstr(kind));
-  EXPECT_THAT(info.out, Not(HasSubstr("CExceptionEOF")));
+  for (const std::string label : {"lidar_top", "gps_oxts", "vehicle", "estimate_pose", "gate"})
+    EXPECT_THAT(info.out, HasSubstr(label + " /"));
 }
 
 TEST(SyntheticDrive, ReportIsOnePageWithPictures) {

@@ -53,6 +53,7 @@ MapInfo infoOf(const TiledMap& map, Random& rnd) {
 
 std::vector<KeyPose> keyPoses(Random& rnd, int count) {
   std::vector<KeyPose> poses;
+  poses.reserve(static_cast<std::size_t>(count));
   for (int i = 0; i < count; ++i)
     poses.push_back({rnd.uniform(0, 2e9), rnd.pose(3, 5000), rnd.oneOf({"a", "b"})});
   return poses;

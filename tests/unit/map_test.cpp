@@ -123,8 +123,8 @@ TEST(TiledMap, BordersBelongToTheTileEastAndNorthOfThem) {
 }
 
 TEST(TiledMap, RefusesWhatItCannotHoldAndStaysAsItWas) {
-  EXPECT_THROW(TiledMap(0), std::invalid_argument);
-  EXPECT_THROW(TiledMap(std::numeric_limits<double>::quiet_NaN()), std::invalid_argument);
+  EXPECT_THROW(TiledMap{0}, std::invalid_argument);
+  EXPECT_THROW(TiledMap{std::numeric_limits<double>::quiet_NaN()}, std::invalid_argument);
   TiledMap map(32);
   Sample sample;
   push(sample, {1, 2, 3});

@@ -1,8 +1,7 @@
 #include <gmock/gmock.h>
-#include <mrpt/maps/CColouredPointsMap.h>
 #include <mrpt/maps/CSimpleMap.h>
+#include <mrpt/maps/CSimplePointsMap.h>
 #include <mrpt/maps/registerAllClasses.h>
-#include <mrpt/obs/CObservationPointCloud.h>
 #include <mrpt/opengl/COpenGLScene.h>
 #include <mrpt/opengl/CPointCloudColoured.h>
 #include <mrpt/opengl/CSetOfLines.h>
@@ -17,7 +16,7 @@
 
 #include "core/errors.h"
 #include "pipeline/map_exports.h"
-#include "sensors/lidar_conversion.h"
+#include "sensors/mrpt_stamp.h"
 #include "sensors/pose_conversion.h"
 #include "support/forall.h"
 
@@ -48,8 +47,8 @@ std::vector<ExportScan> someScans(test::Random& rnd) {
   return scans;
 }
 
-TEST_F(MapExportsTest, SimplemapComesBackThroughMrpt) {
-  const auto scans = someScans(rnd_);
+TEST_F(MapExportsTest, SimplemapGivesMrptThePosesAndTheMap) {
+  auto scans = someScans(rnd_);
   writeSimplemap(path("x.simplemap"), scans);
   mrpt::maps::CSimpleMap map;
   ASSERT_TRUE(map.loadFromFile(path("x.simplemap")));
@@ -57,20 +56,32 @@ TEST_F(MapExportsTest, SimplemapComesBackThroughMrpt) {
   for (std::size_t i = 0; i < scans.size(); ++i) {
     const auto [pose, frame] = map.get(i);
     const Pose T_map_body = fromMrpt(pose->getMeanVal());
-    EXPECT_LT((T_map_body.matrix() - scans[i].T_map_body.matrix()).cwiseAbs().maxCoeff(),
-              1e-9);  // through angles
-    ASSERT_EQ(frame->size(), 1U);
-    const auto scan = scanFromObservation(*frame->getObservationByIndex(0));
-    ASSERT_TRUE(scan.has_value());
-    EXPECT_NEAR(scan->stamp_s, scans[i].stamp_s, 1e-6);
-    ASSERT_EQ(scan->cloud.size(), scans[i].cloud_body.size());
-    for (std::size_t k = 0; k < scan->cloud.size(); ++k) {
-      const Eigen::Vector3f p_body_m =
-          (scan->T_body_lidar * scan->cloud.point(k).cast<double>()).cast<float>();
-      EXPECT_LE((p_body_m - scans[i].cloud_body.point(k)).cwiseAbs().maxCoeff(),
-                1.0 / 1024 + 1e-5);  // 1/512 m grid
-    }
+    EXPECT_LT((T_map_body.matrix() - scans[i].T_map_body.matrix()).cwiseAbs().maxCoeff(), 1e-9);  // by angles
+    EXPECT_NEAR(fromMrptStamp(frame->getObservationByIndex(0)->timestamp), scans[i].stamp_s, 1e-6);
   }
+
+  mrpt::maps::CSimplePointsMap points;  // as robot-map-gui builds it
+  points.insertionOptions.minDistBetweenLaserPoints = 0;
+  points.loadFromSimpleMap(map);
+  std::size_t at = 0;
+  for (const ExportScan& scan : scans)
+    for (std::size_t k = 0; k < scan.cloud_body.size(); ++k, ++at) {
+      ASSERT_LT(at, points.size());
+      mrpt::math::TPoint3D p;
+      points.getPoint(at, p);
+      const Eigen::Vector3d p_map_m = scan.T_map_body * scan.cloud_body.point(k).cast<double>();
+      EXPECT_LE((Eigen::Vector3d(p.x, p.y, p.z) - p_map_m).norm(), 2.5e-3);  // grid of 1/512 m, float at 2 km
+    }
+  EXPECT_EQ(at, points.size());
+}
+
+TEST_F(MapExportsTest, AScanWithoutPointsIsLeftOut) {
+  auto scans = someScans(rnd_);
+  scans[1].cloud_body = {};
+  writeSimplemap(path("x.simplemap"), scans);
+  mrpt::maps::CSimpleMap map;
+  ASSERT_TRUE(map.loadFromFile(path("x.simplemap")));
+  EXPECT_EQ(map.size(), scans.size() - 1);
 }
 
 TEST_F(MapExportsTest, SceneHoldsThePointsWhereTheMapHasThemAndALineForEachSession) {

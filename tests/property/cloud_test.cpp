@@ -1,0 +1,122 @@
+#include "cloud/deskew.h"
+
+#include <gmock/gmock.h>
+
+#include "cloud/covariances.h"
+#include "core/errors.h"
+#include "support/forall.h"
+
+namespace raceloc {
+namespace {
+
+using test::forAll;
+using test::Random;
+
+CropOptions everything() { return {0, 1e6, 0, 0, 0}; }
+
+/** A scan of random points, each seen by the LiDAR from where the car was at the point's own time. */
+struct SeenFromAMovingCar {
+  Scan scan;
+  std::vector<Eigen::Vector3d> p_end_m;  ///< the same points in the body frame at the end of the sweep
+};
+
+SeenFromAMovingCar drive(Random& rnd, double speed_mps, double yaw_rate_rps) {
+  SeenFromAMovingCar seen{{100.0, "lidar", rnd.pose(3.0, 2.0), {}, {}, {}}, {}};
+  constexpr double kSweep_s = 0.1;
+  for (int i = 0; i <= 50; ++i) {
+    const double time_s = kSweep_s * i / 50;
+    const Pose T_end_then = arc(speed_mps * (kSweep_s - time_s), yaw_rate_rps * (kSweep_s - time_s)).inverse();
+    const Eigen::Vector3d p_end_m = rnd.vectorWithin(100);
+    seen.p_end_m.push_back(p_end_m);
+    seen.scan.cloud.push(((T_end_then * seen.scan.T_body_lidar).inverse() * p_end_m).cast<float>());
+    seen.scan.time_s.push_back(static_cast<float>(time_s));
+  }
+  return seen;
+}
+
+TEST(DeskewProperty, UndoesTheMotionOfTheCar) {
+  forAll(200, [](Random& rnd) {
+    const double bend = rnd.oneOf({0.0, 1e-6, 1.0});  // the degenerate cases belong to the law
+    const double speed_mps = rnd.uniform(-5, 80), yaw_rate_rps = bend * rnd.uniform(-1, 1);
+    const auto seen = drive(rnd, speed_mps, yaw_rate_rps);
+    const DeskewedScan deskewed = deskew(seen.scan, speed_mps, yaw_rate_rps, everything());
+    EXPECT_NEAR(deskewed.stamp_s, 100.1, 1e-6);  // float time of 0.1 s
+    ASSERT_EQ(deskewed.cloud.size(), seen.p_end_m.size());
+    // Half a step of 1/256 sweep at 80 m/s and 100 m * 1 rad/s: 0.2 ms * 180 m/s = 36 mm; float at 170 m: 0.02 mm.
+    for (std::size_t i = 0; i < seen.p_end_m.size(); ++i)
+      EXPECT_LT((deskewed.cloud.point(i).cast<double>() - seen.p_end_m[i]).norm(), 0.037);
+  });
+}
+
+TEST(DeskewProperty, LeavesAStandingCarAlone) {
+  forAll(50, [](Random& rnd) {
+    const auto seen = drive(rnd, 0, 0);
+    const DeskewedScan deskewed = deskew(seen.scan, 0, 0, everything());
+    for (std::size_t i = 0; i < seen.p_end_m.size(); ++i)  // float at 170 m, twice
+      EXPECT_LT((deskewed.cloud.point(i).cast<double>() - seen.p_end_m[i]).norm(), 1e-4);
+  });
+}
+
+TEST(ArcProperty, IsTheEndOfManySmallSteps) {
+  forAll(100, [](Random& rnd) {
+    const double length_m = rnd.uniform(-10, 10), turn_rad = rnd.uniform(-2, 2);
+    Pose T = Pose::Identity();
+    constexpr int kSteps = 20000;
+    for (int i = 0; i < kSteps; ++i)
+      T = T * poseFromRpy({length_m / kSteps, 0, 0}, 0, 0, turn_rad / kSteps);
+    // Euler steps err by half a step across the path: 10 m * 2 rad / 40000.
+    EXPECT_TRUE(arc(length_m, turn_rad).isApprox(T, 1e-3));
+  });
+}
+
+TEST(CropProperty, NothingOfTheOwnCarAndNothingOutOfRangeIsLeft) {
+  forAll(100, [](Random& rnd) {
+    auto seen = drive(rnd, 10, 0.1);
+    seen.scan.cloud.x[3] = std::numeric_limits<float>::quiet_NaN();
+    seen.scan.T_body_lidar = rnd.pose(3.0, 1.0);
+    const CropOptions crop{2, 60, 4, 1, 1};
+    const DeskewedScan deskewed = deskew(seen.scan, 10, 0.1, crop);
+    EXPECT_LT(deskewed.cloud.size(), seen.scan.cloud.size());
+    for (std::size_t i = 0; i < deskewed.cloud.size(); ++i) {
+      const Eigen::Vector3f p = deskewed.cloud.point(i);
+      EXPECT_TRUE(p.allFinite());
+      EXPECT_FALSE(p.x() > -1 && p.x() < 4 && std::abs(p.y()) < 1);
+    }
+  });
+}
+
+TEST(TransformProperty, GoesToTheKernelsAndBackUnchanged) {
+  forAll(50, [](Random& rnd) {
+    const Pose T = rnd.pose(3.0, 1000);
+    EXPECT_EQ(toPose(toTransform(T)).matrix(), T.matrix());
+  });
+}
+
+TEST(Deskew, TakesAScanWithoutTimesAsItIs) {
+  Scan scan{5, "lidar", Pose::Identity(), {}, {}, {}};
+  scan.cloud.push({10, 2, 1}, 0.5F);
+  const DeskewedScan deskewed = deskew(scan, 50, 1, everything());
+  EXPECT_EQ(deskewed.stamp_s, 5);
+  EXPECT_EQ(deskewed.cloud.point(0), Eigen::Vector3f(10, 2, 1));
+  EXPECT_EQ(deskewed.cloud.intensity.at(0), 0.5F);
+}
+
+TEST(Deskew, RefusesTimesThatAreNotSecondsSinceTheStamp) {
+  Scan scan{5, "lidar_front", Pose::Identity(), {}, {0.0F, 1.3e9F}, {}};
+  scan.cloud.push({10, 2, 1});
+  scan.cloud.push({10, 2, 1});
+  try {
+    (void)deskew(scan, 50, 1, everything());
+    FAIL() << "accepted";
+  } catch (const InputError& e) {
+    EXPECT_THAT(e.what(), ::testing::HasSubstr("lidar_front"));
+  }
+}
+
+TEST(Deskew, TakesAnEmptyScan) {
+  const DeskewedScan deskewed = deskew({5, "lidar", Pose::Identity(), {}, {}, {}}, 50, 1, everything());
+  EXPECT_TRUE(deskewed.cloud.empty());
+}
+
+}  // namespace
+}  // namespace raceloc

@@ -1,0 +1,71 @@
+#include <gtest/gtest.h>
+
+#include "cloud/voxel_grid.h"
+#include "registration/align.h"
+#include "support/room.h"
+
+namespace raceloc {
+namespace {
+
+using test::forAll;
+using test::Random;
+
+struct Street {
+  explicit Street(unsigned seed) : rnd(seed), target(context, GicpOptions{}.voxel_size_m) {
+    const CovarianceCloud map = withCovariances(context, voxelGrid(context, test::street(rnd, 0.01), 0.25), {});
+    target.insert(viewOf(map.cloud), map.covariances.view(), {});
+  }
+  /** Another sampling of the same street, seen from a car at T_map_body. */
+  CovarianceCloud scanFrom(const Pose& T_map_body) {
+    return withCovariances(context,
+                           voxelGrid(context, transformed(test::street(rnd, 0.01), T_map_body.inverse()), 0.5), {});
+  }
+  Random rnd;
+  gpu::Context context{gpu::Backend::cpu};
+  gpu::VoxelMap target;
+};
+
+TEST(AlignProperty, FindsTheCarFromADisturbedGuess) {
+  forAll(10, [](Random& rnd) {
+    Street street(static_cast<unsigned>(rnd.integer(1, 1'000'000)));
+    const Pose T_map_body = poseFromRpy({rnd.uniform(-10, 10), rnd.uniform(-3, 3), 1}, 0.02, -0.02, rnd.uniform(-3, 3));
+    const Registration r =
+        align(street.context, street.scanFrom(T_map_body), street.target, T_map_body * rnd.pose(0.03, 0.3), {});
+    EXPECT_TRUE(r.trusted({}));
+    const Vector6d error = se3Log(T_map_body.inverse() * r.T_target_source);
+    // Two samplings of 20000 points with 1 cm noise on surfaces cut into 1 m voxels: some cm, some mrad.
+    EXPECT_LT(error.tail<3>().norm(), 0.05);
+    EXPECT_LT(error.head<3>().norm(), 0.005);
+  });
+}
+
+TEST(AlignProperty, IsNotFooledByAnotherPlace) {
+  Street street(7);
+  Random rnd(8);
+  Cloud elsewhere;  // a ball of noise, as from a cloud of dust
+  for (int i = 0; i < 5000; ++i) elsewhere.push((rnd.vectorWithin(1).normalized() * 30).cast<float>());
+  const CovarianceCloud scan = withCovariances(street.context, voxelGrid(street.context, elsewhere, 0.5), {});
+  EXPECT_FALSE(align(street.context, scan, street.target, Pose::Identity(), {}).trusted({}));
+}
+
+TEST(AlignProperty, CovarianceIsSymmetricPositiveAndAtLeastTheFloor) {
+  Street street(3);
+  const GicpOptions options;
+  const Registration r = align(street.context, street.scanFrom(Pose::Identity()), street.target, Pose::Identity(), options);
+  EXPECT_TRUE(r.covariance.isApprox(r.covariance.transpose(), 1e-12));
+  for (int axis = 3; axis < 6; ++axis) EXPECT_GE(r.covariance(axis, axis), options.min_sigma_m * options.min_sigma_m);
+}
+
+TEST(Align, TooFewPointsAreAResult) {
+  Street street(4);
+  CovarianceCloud scan = street.scanFrom(Pose::Identity());
+  const CovarianceCloud empty = withCovariances(street.context, Cloud{}, {});
+  const Registration r = align(street.context, empty, street.target, Pose::Identity(), {});
+  EXPECT_EQ(r.stop, gpu::Stop::too_few_inliers);
+  EXPECT_FALSE(r.trusted({}));
+  const gpu::VoxelMap nothing(street.context, 1.0);
+  EXPECT_EQ(align(street.context, scan, nothing, Pose::Identity(), {}).stop, gpu::Stop::too_few_inliers);
+}
+
+}  // namespace
+}  // namespace raceloc
