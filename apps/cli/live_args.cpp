@@ -22,7 +22,7 @@ DESCRIPTION
   believes. Writes the estimate as a TUM file and as an annotated rawlog for RawLogViewer: the estimate as
   CObservationRobotPose with covariance and as the only odometry, the gate's numbers as CObservationRawDAQ
   labelled gate, and at each sweep a CObservation3DScene with car, scan, sources and verdicts.
-  The first GPS fix with a heading starts the filter.
+  A GPS fix with a heading says where to look for the car, and a scan match there starts the filter.
 
 EXAMPLES
   raceloc-live -c ini/live.ini -m monza.rlmap -i race.rawlog -o out.rawlog --trajectory race.tum
@@ -37,6 +37,12 @@ void print(const ReplayReport& r) {
   std::printf("device           %s\n", r.device_reason.c_str());
   std::printf("recording        %.1f s; %zu outputs (%zu by dead reckoning alone), %zu tile loads\n",
               r.recorded_s, r.outputs, r.dead_reckoned, r.tile_loads);
+  if (r.start->by_match)
+    std::printf("start            after %.2f s: scan match %.2f m from the fix of %s\n",
+                r.start->stamp_s - r.first_s, r.start->match_to_fix_m, r.start->receiver.c_str());
+  else
+    std::printf("start            after %.2f s: by the fix of %s ALONE, no scan match near it\n",
+                r.start->stamp_s - r.first_s, r.start->receiver.c_str());
   if (r.dropped_late > 0)
     std::printf("dropped          %zu samples, out of order beyond the window\n", r.dropped_late);
   if (r.disabled_samples > 0) std::printf("disabled         %zu samples, as asked\n", r.disabled_samples);

@@ -53,6 +53,8 @@ void LocalizerPolicy::describe(OptionList& keys) {
            "no fix is believed to be better than this per axis [m]");
   keys.add("dead_reckoning_period_s", dead_reckoning_period_s, above(0),
            "output by dead reckoning when nothing else came [s]");
+  keys.add("start_patience_s", start_patience_s, above(0),
+           "without a scan match near a fix for this long, the fix starts the filter alone [s]");
 }
 
 Localizer::Localizer(gpu::Context& context, const MapFile& map, const LocalizerOptions& options)
@@ -64,16 +66,21 @@ Localizer::Localizer(gpu::Context& context, const MapFile& map, const LocalizerO
 std::vector<LocalizerOutput> Localizer::add(const Sample& sample) {
   std::vector<LocalizerOutput> outputs;
   std::visit([&](const auto& s) { take(s, outputs); }, sample);
-  while (auto scan = x_queue.pop(x_history, stampOf(sample)))
-    if (started() && endOfSweep(*scan) > x_stamp_s) outputs.push_back(matchScan(*scan));
+  while (const auto scan = x_queue.pop(x_history, stampOf(sample))) process(*scan, outputs);
   return outputs;
 }
 
 std::vector<LocalizerOutput> Localizer::finish() {
   std::vector<LocalizerOutput> outputs;
-  while (auto scan = x_queue.popAny())
-    if (started() && endOfSweep(*scan) > x_stamp_s) outputs.push_back(matchScan(*scan));
+  while (const auto scan = x_queue.popAny()) process(*scan, outputs);
   return outputs;
+}
+
+void Localizer::process(const Scan& scan, std::vector<LocalizerOutput>& outputs) {
+  if (!started())
+    tryStart(scan, outputs);
+  else if (endOfSweep(scan) > x_stamp_s)
+    outputs.push_back(matchScan(scan));
 }
 
 void Localizer::take(const ImuSample& sample, std::vector<LocalizerOutput>& /*outputs*/) {
@@ -100,7 +107,7 @@ void Localizer::take(const GpsFix& fix, std::vector<LocalizerOutput>& outputs) {
   const auto body = bodyFix(fix, receiver);
   receiver.previous = fix;
   if (!started()) {
-    if (body) start(fix, *body);
+    if (body) considerStart(fix, *body);
     return;
   }
   constexpr std::size_t kMostWaiting = 64;  // 0.6 s of a 100 Hz receiver: longer than any sweep waits
@@ -138,15 +145,41 @@ std::optional<PoseFix> Localizer::bodyFix(const GpsFix& fix, const Receiver& rec
   return body;
 }
 
-void Localizer::start(const GpsFix& fix, const PoseFix& body) {
+void Localizer::considerStart(const GpsFix& fix, const PoseFix& body) {
   const Receiver& receiver = x_receivers[fix.label];
-  x_filter.emplace(startState(body.p_map_m, body.heading_rad, x_options.fusion), x_options.fusion,
-                   x_options.gate);
-  x_stamp_s = fix.stamp_s;
   Pose T = poseFromRpy(Eigen::Vector3d::Zero(), 0, 0, body.heading_rad);
   if (body.heading == HeadingKind::body) T.linear() = receiver.ins->T_map_body.linear();
   T.translation() = fix.p_map_antenna_m - T.linear() * fix.p_body_antenna_m;
-  x_T_map_body = withPlanar(T, body.p_map_m.x(), body.p_map_m.y(), body.heading_rad);
+  const double first_fix_s = x_start_place ? x_start_place->first_fix_s : fix.stamp_s;
+  x_start_place = StartPlace{first_fix_s, fix.stamp_s, fix.label, T};
+  if (fix.stamp_s - first_fix_s > x_options.policy.start_patience_s)
+    start(fix.stamp_s, T, {fix.stamp_s, fix.label, false, 0});
+}
+
+void Localizer::tryStart(const Scan& scan, std::vector<LocalizerOutput>& outputs) {
+  const double end_s = endOfSweep(scan);
+  if (!x_start_place || end_s <= x_start_place->stamp_s) return;
+  const auto motion = x_history.between(x_start_place->stamp_s, end_s);
+  if (!motion || motion->duration_s > x_options.policy.start_patience_s) return;
+  const Pose T_guess = x_start_place->T_map_body * motion->T_start_end;
+  if (!x_window.moveTo(T_guess.translation().head<2>())) return;
+
+  const GicpOptions& gicp = x_options.matching.registration;
+  const CovarianceCloud source = prepared(scan);
+  const Registration match =
+      alignWithSearch(x_context, source, x_window.target(), T_guess, gicp, x_options.search);
+  if (!match.trusted(gicp)) return;
+  const double to_fix_m = (match.T_target_source.translation() - T_guess.translation()).head<2>().norm();
+  start(end_s, match.T_target_source, {end_s, x_start_place->receiver, true, to_fix_m});
+  outputs.push_back(decide(end_s, {planarFix(match)}, ScanMatch{match, true, source.cloud}));
+}
+
+void Localizer::start(double stamp_s, const Pose& T_map_body, StartReport report) {
+  const CarState state = startState(T_map_body.translation().head<2>(), yawOf(T_map_body), x_options.fusion);
+  x_filter.emplace(state, x_options.fusion, x_options.gate);
+  x_stamp_s = stamp_s;
+  x_T_map_body = T_map_body;
+  x_start = std::move(report);
 }
 
 void Localizer::predictTo(double stamp_s) {
@@ -186,14 +219,19 @@ std::vector<PoseFix> Localizer::takeFixes() {
   return fixes;
 }
 
+CovarianceCloud Localizer::prepared(const Scan& scan) {
+  const auto rates =
+      x_history.ratesBetween(scan.stamp_s, endOfSweep(scan)).value_or(MotionHistory::Rates{0, 0});
+  const DeskewedScan deskewed = deskew(scan, rates.speed_mps, rates.yaw_rate_rps, x_options.matching.crop);
+  return withCovariances(x_context,
+                         voxelGrid(x_context, deskewed.cloud, x_options.matching.odometry.scan_voxel_m),
+                         x_options.matching.covariance);
+}
+
 LocalizerOutput Localizer::matchScan(const Scan& scan) {
   const double end_s = endOfSweep(scan);
-  const auto rates = x_history.ratesBetween(scan.stamp_s, end_s).value_or(MotionHistory::Rates{0, 0});
   predictTo(end_s);
-  const DeskewedScan deskewed = deskew(scan, rates.speed_mps, rates.yaw_rate_rps, x_options.matching.crop);
-  const CovarianceCloud source = withCovariances(
-      x_context, voxelGrid(x_context, deskewed.cloud, x_options.matching.odometry.scan_voxel_m),
-      x_options.matching.covariance);
+  const CovarianceCloud source = prepared(scan);
 
   std::vector<PoseFix> fixes = takeFixes();
   std::optional<ScanMatch> scan_match;

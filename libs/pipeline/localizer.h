@@ -15,6 +15,7 @@
 #include "map/tile_query.h"
 #include "odometry/scan_queue.h"
 #include "pipeline/matching_options.h"
+#include "registration/search.h"
 
 namespace raceloc {
 
@@ -27,6 +28,7 @@ struct LocalizerPolicy {
   double course_sigma_deg = 2.0;
   double gps_min_sigma_m = 0.1;
   double dead_reckoning_period_s = 0.25;
+  double start_patience_s = 3.0;
   void describe(OptionList& keys);
 };
 
@@ -35,6 +37,15 @@ struct LocalizerOptions {
   FusionOptions fusion;
   GateOptions gate;
   LocalizerPolicy policy;
+  SearchOptions search;
+};
+
+/** How the filter came by its first pose. */
+struct StartReport {
+  double stamp_s;
+  std::string receiver;   ///< whose fix it started from
+  bool by_match;          ///< a scan match found the car near the fix; false: the fix alone
+  double match_to_fix_m;  ///< horizontal distance between the two; 0 without a match
 };
 
 /** One LiDAR sweep held against the map. */
@@ -70,6 +81,7 @@ class Localizer {
   [[nodiscard]] std::vector<LocalizerOutput> finish();  ///< what still waits, at the end of the stream
 
   [[nodiscard]] bool started() const { return x_filter.has_value(); }
+  [[nodiscard]] const std::optional<StartReport>& startReport() const { return x_start; }
   [[nodiscard]] std::size_t tileLoads() const { return x_window.rebuilds(); }
 
  private:
@@ -92,13 +104,19 @@ class Localizer {
   /** The body's pose by a fix, from its antenna and heading; none while the filter waits for a heading to
    * start. */
   [[nodiscard]] std::optional<PoseFix> bodyFix(const GpsFix& fix, const Receiver& receiver) const;
-  void start(const GpsFix& fix, const PoseFix& body);
+  /** Keeps the fix as the place to look for the car; starts from it alone when patience is at an end. */
+  void considerStart(const GpsFix& fix, const PoseFix& body);
+  /** Looks for the car around the fix of considerStart(). */
+  void tryStart(const Scan& scan, std::vector<LocalizerOutput>& outputs);
+  void start(double stamp_s, const Pose& T_map_body, StartReport report);
   /** Dead reckoning to a later instant; the estimate stays where it is over an interval without motion data.
    */
   void predictTo(double stamp_s);
   [[nodiscard]] LocalizerOutput decide(double stamp_s, std::vector<PoseFix> fixes,
                                        std::optional<ScanMatch> scan_match);
   [[nodiscard]] LocalizerOutput matchScan(const Scan& scan);
+  void process(const Scan& scan, std::vector<LocalizerOutput>& outputs);
+  [[nodiscard]] CovarianceCloud prepared(const Scan& scan);
   /** Of each receiver the newest unused fix that is not newer than the filter's time, carried forward to it,
    * if it is young enough; it and all older ones count as used. */
   [[nodiscard]] std::vector<PoseFix> takeFixes();
@@ -110,6 +128,14 @@ class Localizer {
   MotionHistory x_history;
   ScanQueue x_queue;
   std::map<std::string, Receiver> x_receivers;
+  struct StartPlace {
+    double first_fix_s;  ///< when waiting began
+    double stamp_s;
+    std::string receiver;
+    Pose T_map_body;
+  };
+  std::optional<StartPlace> x_start_place;
+  std::optional<StartReport> x_start;
   std::optional<FusionFilter> x_filter;
   double x_stamp_s = 0;  ///< the filter's time
   Pose x_T_map_body =

@@ -23,6 +23,7 @@ ReplayOptions ReplayOptions::fromIni(const std::string& path) {
   ini.load("fusion", options.localizer.fusion);
   ini.load("gate", options.localizer.gate);
   ini.load("localizer", options.localizer.policy);
+  ini.load("search", options.localizer.search);
   ini.load("live", options.live);
   ini.rejectUnknownSections();
   return options;
@@ -112,6 +113,7 @@ ReplayReport replay(const std::string& log_path, const std::string& map_path, co
   LogReader reader(log_path, log, origin);
   ReplayReport report{};
   report.device_reason = context.reason();
+  report.first_s = summary.first_s;
   report.recorded_s = summary.last_s - summary.first_s;
   report.trajectory.origin = origin;
   Tally tally(report);
@@ -141,6 +143,7 @@ ReplayReport replay(const std::string& log_path, const std::string& map_path, co
   hand(localizer.finish());
   tally.finish();
   report.dropped_late = reader.droppedLate();
+  report.start = localizer.startReport();
   report.tile_loads = localizer.tileLoads();
   if (!localizer.started())
     throw InputError("rawlog " + log_path +

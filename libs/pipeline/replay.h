@@ -3,6 +3,7 @@
 #pragma once
 
 #include <functional>
+#include <optional>
 #include <string>
 
 #include "core/trajectory.h"
@@ -28,7 +29,8 @@ struct ReplayOptions {
 /** What the car would have to know after a run. */
 struct ReplayReport {
   std::string device_reason;
-  double recorded_s;
+  double first_s, recorded_s;
+  std::optional<StartReport> start;
   std::size_t scans, trusted_matches, outputs, dead_reckoned, alarms, disabled_samples, dropped_late,
       tile_loads;
   std::size_t rule_counts[5];                                     ///< decisions by GateRule; [0] is unused

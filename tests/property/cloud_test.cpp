@@ -1,8 +1,7 @@
-#include "cloud/deskew.h"
-
 #include <gmock/gmock.h>
 
 #include "cloud/covariances.h"
+#include "cloud/deskew.h"
 #include "core/errors.h"
 #include "support/forall.h"
 
@@ -25,7 +24,8 @@ SeenFromAMovingCar drive(Random& rnd, double speed_mps, double yaw_rate_rps) {
   constexpr double kSweep_s = 0.1;
   for (int i = 0; i <= 50; ++i) {
     const double time_s = kSweep_s * i / 50;
-    const Pose T_end_then = arc(speed_mps * (kSweep_s - time_s), yaw_rate_rps * (kSweep_s - time_s)).inverse();
+    const Pose T_end_then =
+        arc(speed_mps * (kSweep_s - time_s), yaw_rate_rps * (kSweep_s - time_s)).inverse();
     const Eigen::Vector3d p_end_m = rnd.vectorWithin(100);
     seen.p_end_m.push_back(p_end_m);
     seen.scan.cloud.push(((T_end_then * seen.scan.T_body_lidar).inverse() * p_end_m).cast<float>());
@@ -42,7 +42,8 @@ TEST(DeskewProperty, UndoesTheMotionOfTheCar) {
     const DeskewedScan deskewed = deskew(seen.scan, speed_mps, yaw_rate_rps, everything());
     EXPECT_NEAR(deskewed.stamp_s, 100.1, 1e-6);  // float time of 0.1 s
     ASSERT_EQ(deskewed.cloud.size(), seen.p_end_m.size());
-    // Half a step of 1/256 sweep at 80 m/s and 100 m * 1 rad/s: 0.2 ms * 180 m/s = 36 mm; float at 170 m: 0.02 mm.
+    // Half a step of 1/256 sweep at 80 m/s and 100 m * 1 rad/s: 0.2 ms * 180 m/s = 36 mm; float at 170 m:
+    // 0.02 mm.
     for (std::size_t i = 0; i < seen.p_end_m.size(); ++i)
       EXPECT_LT((deskewed.cloud.point(i).cast<double>() - seen.p_end_m[i]).norm(), 0.037);
   });
@@ -62,8 +63,7 @@ TEST(ArcProperty, IsTheEndOfManySmallSteps) {
     const double length_m = rnd.uniform(-10, 10), turn_rad = rnd.uniform(-2, 2);
     Pose T = Pose::Identity();
     constexpr int kSteps = 20000;
-    for (int i = 0; i < kSteps; ++i)
-      T = T * poseFromRpy({length_m / kSteps, 0, 0}, 0, 0, turn_rad / kSteps);
+    for (int i = 0; i < kSteps; ++i) T = T * poseFromRpy({length_m / kSteps, 0, 0}, 0, 0, turn_rad / kSteps);
     // Euler steps err by half a step across the path: 10 m * 2 rad / 40000.
     EXPECT_TRUE(arc(length_m, turn_rad).isApprox(T, 1e-3));
   });

@@ -21,8 +21,9 @@ Truth lap(Random& rnd, double odometry_sigma, double gps_sigma_m, bool with_gps)
   const Eigen::Vector3d lever_m(1.2, -0.3, 1.0);
   for (int i = 0; i < 60; ++i) {
     const double angle_rad = 2 * M_PI * i / 60;
-    const Pose T = poseFromRpy({80 * std::cos(angle_rad), 50 * std::sin(angle_rad), 2 * std::sin(2 * angle_rad)},
-                               0.1 * std::sin(angle_rad), 0.05, angle_rad + M_PI / 2);
+    const Pose T =
+        poseFromRpy({80 * std::cos(angle_rad), 50 * std::sin(angle_rad), 2 * std::sin(2 * angle_rad)},
+                    0.1 * std::sin(angle_rad), 0.05, angle_rad + M_PI / 2);
     BodyMotion motion;
     if (i > 0) {
       motion.duration_s = 0.1;
@@ -32,9 +33,11 @@ Truth lap(Random& rnd, double odometry_sigma, double gps_sigma_m, bool with_gps)
       motion.covariance = Matrix6d::Identity() * (odometry_sigma * odometry_sigma + 1e-12);
       T_odom_body = T_odom_body * motion.T_start_end;
     }
-    Keyframe k{0.1 * i, T_odom_body, motion, std::nullopt, KeyAttitude{T.linear(), 1e-6 * Eigen::Matrix3d::Identity()}};
+    Keyframe k{0.1 * i, T_odom_body, motion, std::nullopt,
+               KeyAttitude{T.linear(), 1e-6 * Eigen::Matrix3d::Identity()}};
     if (with_gps)
-      k.gps = KeyGps{T * lever_m + Eigen::Vector3d(rnd.normal(gps_sigma_m), rnd.normal(gps_sigma_m), rnd.normal(gps_sigma_m)),
+      k.gps = KeyGps{T * lever_m + Eigen::Vector3d(rnd.normal(gps_sigma_m), rnd.normal(gps_sigma_m),
+                                                   rnd.normal(gps_sigma_m)),
                      Eigen::Matrix3d::Identity() * std::max(1e-4, gps_sigma_m * gps_sigma_m), lever_m};
     truth.keyframes.push_back(k);
     truth.T_map_body.push_back(T);
@@ -52,7 +55,8 @@ double worstError_m(const GraphSolution& solution, const std::vector<Pose>& trut
 TEST(LidarGraphProperty, WithoutNoiseItFindsTheTruth) {
   forAll(5, [](Random& rnd) {
     const Truth truth = lap(rnd, 0, 0, true);
-    // The start is off by the tilt of the first pose (levelled alignment); the solver takes it out to its tolerance.
+    // The start is off by the tilt of the first pose (levelled alignment); the solver takes it out to its
+    // tolerance.
     EXPECT_LT(worstError_m(solveLidarGraph(truth.keyframes, {}), truth.T_map_body), 1e-3);
   });
 }
@@ -65,7 +69,9 @@ TEST(LidarGraphProperty, GpsTakesTheDriftOutOfTheOdometry) {
     options.odometry_sigma_deg = 1.0;
     const double odometry_error_m = [&] {
       const Pose T_map_odom = truth.T_map_body[0];
-      return ((T_map_odom * truth.keyframes.back().T_odom_body).translation() - truth.T_map_body.back().translation()).norm();
+      return ((T_map_odom * truth.keyframes.back().T_odom_body).translation() -
+              truth.T_map_body.back().translation())
+          .norm();
     }();
     const double error_m = worstError_m(solveLidarGraph(truth.keyframes, options), truth.T_map_body);
     EXPECT_LT(error_m, 0.2);  // 4 sigma of one fix
@@ -76,7 +82,8 @@ TEST(LidarGraphProperty, GpsTakesTheDriftOutOfTheOdometry) {
 TEST(LidarGraphProperty, ARigidMoveOfTheFixesMovesTheMap) {
   Random rnd(11);
   const Truth truth = lap(rnd, 0.01, 0.03, true);
-  const Pose T_new_map = poseFromRpy({1000, -300, 20}, 0, 0, 1.1);  // level: roll and pitch have their own factors
+  const Pose T_new_map =
+      poseFromRpy({1000, -300, 20}, 0, 0, 1.1);  // level: roll and pitch have their own factors
   Truth moved = truth;
   for (auto& k : moved.keyframes) {
     k.gps->p_map_antenna_m = T_new_map * k.gps->p_map_antenna_m;

@@ -90,9 +90,11 @@ Drive drive(Random& rnd, bool with_wheels) {
     const double stamp_s = 0.1 * k;
     const Pose T_map_body = T_map_start * arc(12 * stamp_s, 0.1 * stamp_s);
     if (with_wheels) history.add(motionAt(stamp_s, 12, 0.1));
-    const auto step = odometry.add({stamp_s, "lidar", Pose::Identity(), transformed(street, T_map_body.inverse()), {}, {}}, history);
+    const auto step = odometry.add(
+        {stamp_s, "lidar", Pose::Identity(), transformed(street, T_map_body.inverse()), {}, {}}, history);
     result.all_trusted = result.all_trusted && step.trusted;
-    const double error_m = ((T_map_start.inverse() * T_map_body).inverse() * step.T_odom_body).translation().norm();
+    const double error_m =
+        ((T_map_start.inverse() * T_map_body).inverse() * step.T_odom_body).translation().norm();
     (with_wheels ? result.with_wheels_error_m : result.alone_error_m) = error_m;
   }
   return result;
@@ -123,7 +125,7 @@ TEST(LivOdometry, DeadReckonsThroughAnEmptyScan) {
   (void)odometry.add(good, history);
   const auto step = odometry.add({1.2, "lidar", Pose::Identity(), {}, {}, {}}, history);
   EXPECT_FALSE(step.trusted);
-  EXPECT_NEAR(step.T_odom_body.translation().x(), 2.0, 1e-9);  // 10 m/s for 0.2 s
+  EXPECT_NEAR(step.T_odom_body.translation().x(), 2.0, 1e-9);              // 10 m/s for 0.2 s
   EXPECT_THROW((void)odometry.add(good, history), std::invalid_argument);  // older than the last
 }
 

@@ -12,13 +12,14 @@ using test::Random;
 
 struct Street {
   explicit Street(unsigned seed) : rnd(seed), target(context, GicpOptions{}.voxel_size_m) {
-    const CovarianceCloud map = withCovariances(context, voxelGrid(context, test::street(rnd, 0.01), 0.25), {});
+    const CovarianceCloud map =
+        withCovariances(context, voxelGrid(context, test::street(rnd, 0.01), 0.25), {});
     target.insert(viewOf(map.cloud), map.covariances.view(), {});
   }
   /** Another sampling of the same street, seen from a car at T_map_body. */
   CovarianceCloud scanFrom(const Pose& T_map_body) {
-    return withCovariances(context,
-                           voxelGrid(context, transformed(test::street(rnd, 0.01), T_map_body.inverse()), 0.5), {});
+    return withCovariances(
+        context, voxelGrid(context, transformed(test::street(rnd, 0.01), T_map_body.inverse()), 0.5), {});
   }
   Random rnd;
   gpu::Context context{gpu::Backend::cpu};
@@ -28,9 +29,10 @@ struct Street {
 TEST(AlignProperty, FindsTheCarFromADisturbedGuess) {
   forAll(10, [](Random& rnd) {
     Street street(static_cast<unsigned>(rnd.integer(1, 1'000'000)));
-    const Pose T_map_body = poseFromRpy({rnd.uniform(-10, 10), rnd.uniform(-3, 3), 1}, 0.02, -0.02, rnd.uniform(-3, 3));
-    const Registration r =
-        align(street.context, street.scanFrom(T_map_body), street.target, T_map_body * rnd.pose(0.03, 0.3), {});
+    const Pose T_map_body =
+        poseFromRpy({rnd.uniform(-10, 10), rnd.uniform(-3, 3), 1}, 0.02, -0.02, rnd.uniform(-3, 3));
+    const Registration r = align(street.context, street.scanFrom(T_map_body), street.target,
+                                 T_map_body * rnd.pose(0.03, 0.3), {});
     EXPECT_TRUE(r.trusted({}));
     const Vector6d error = se3Log(T_map_body.inverse() * r.T_target_source);
     // Two samplings of 20000 points with 1 cm noise on surfaces cut into 1 m voxels: some cm, some mrad.
@@ -51,9 +53,11 @@ TEST(AlignProperty, IsNotFooledByAnotherPlace) {
 TEST(AlignProperty, CovarianceIsSymmetricPositiveAndAtLeastTheFloor) {
   Street street(3);
   const GicpOptions options;
-  const Registration r = align(street.context, street.scanFrom(Pose::Identity()), street.target, Pose::Identity(), options);
+  const Registration r =
+      align(street.context, street.scanFrom(Pose::Identity()), street.target, Pose::Identity(), options);
   EXPECT_TRUE(r.covariance.isApprox(r.covariance.transpose(), 1e-12));
-  for (int axis = 3; axis < 6; ++axis) EXPECT_GE(r.covariance(axis, axis), options.min_sigma_m * options.min_sigma_m);
+  for (int axis = 3; axis < 6; ++axis)
+    EXPECT_GE(r.covariance(axis, axis), options.min_sigma_m * options.min_sigma_m);
 }
 
 TEST(Align, TooFewPointsAreAResult) {

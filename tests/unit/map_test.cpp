@@ -55,6 +55,7 @@ MapInfo someInfo(const TiledMap& map) {
 std::vector<KeyPose> someKeyPoses() {
   test::Random rnd(7);
   std::vector<KeyPose> poses;
+  poses.reserve(20);
   for (int i = 0; i < 20; ++i) poses.push_back({1.3e9 + i, rnd.pose(3, 50), i < 12 ? "morning" : "noon"});
   return poses;
 }

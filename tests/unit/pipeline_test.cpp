@@ -92,6 +92,7 @@ TEST_F(MapExportsTest, SceneHoldsThePointsWhereTheMapHasThemAndALineForEachSessi
   const float* zero = zeros.data();
   map.insert(cloud, {zero, zero, zero, zero, zero, zero, zeros.size()});
   std::vector<KeyPose> poses;
+  poses.reserve(9);
   for (int i = 0; i < 9; ++i) poses.push_back({i * 1.0, rnd_.pose(1, 90), i < 4 ? "a" : "b"});
   writeScene(path("x.3Dscene"), map, poses);
 

@@ -11,19 +11,20 @@ enum class Backend { automatic, cpu, cuda };
 
 class BackendBase;  // one of cpu/, cuda/, cuda_stub/
 
-/** Owns a device's stream and buffers; one thread at a time uses a context. Movable, cheap to pass by reference. */
+/** Owns a device's stream and buffers; one thread at a time uses a context. Movable, cheap to pass by
+ * reference. */
 class Context {
  public:
-  /** `automatic` takes CUDA when it was built in, a device of capability 7.5 or newer answers and a test launch
-   * passes; else the CPU. The environment variable RACELOC_BACKEND (auto, cpu, cuda) overrides `backend`.
-   * \throws DeviceError if `cuda` is asked for and cannot be had. */
+  /** `automatic` takes CUDA when it was built in, a device of capability 7.5 or newer answers and a test
+   * launch passes; else the CPU. The environment variable RACELOC_BACKEND (auto, cpu, cuda) overrides
+   * `backend`. \throws DeviceError if `cuda` is asked for and cannot be had. */
   explicit Context(Backend backend = Backend::automatic, int device = 0);
   ~Context();
   Context(Context&&) noexcept;
   Context& operator=(Context&&) noexcept;
 
-  [[nodiscard]] Backend backend() const;             ///< cpu or cuda, never automatic
-  [[nodiscard]] const std::string& reason() const;   ///< one line: why this backend, for the log
+  [[nodiscard]] Backend backend() const;            ///< cpu or cuda, never automatic
+  [[nodiscard]] const std::string& reason() const;  ///< one line: why this backend, for the log
   [[nodiscard]] BackendBase& implementation() const { return *x_backend; }
 
  private:

@@ -12,12 +12,12 @@
 namespace raceloc::gpu {
 
 struct MatchOptions {
-  int max_iterations = 30;            ///< Gauss-Newton steps, >= 1
+  int max_iterations = 30;              ///< Gauss-Newton steps, >= 1
   double translation_epsilon_m = 1e-3;  ///< stop when a step is shorter, > 0 ...
   double rotation_epsilon_rad = 1e-3;   ///< ... and turns less, > 0
-  int neighbour_voxels = 1;           ///< 1, 7 (faces) or 27 voxels are tried around a point; each hit is a pair
-  double robust_width = 1.0;          ///< Cauchy width on the whitened residual; 0: plain least squares
-  double max_distance_m = 2.0;        ///< pairs farther apart do not count, > 0
+  int neighbour_voxels = 1;     ///< 1, 7 (faces) or 27 voxels are tried around a point; each hit is a pair
+  double robust_width = 1.0;    ///< Cauchy width on the whitened residual; 0: plain least squares
+  double max_distance_m = 2.0;  ///< pairs farther apart do not count, > 0
 };
 
 /** One linearisation at T: cost = 1/2 sum rho(e' (C_map + R C_src R')^-1 e), e = mean - (R p + t). */
@@ -26,26 +26,29 @@ struct Linearization {
   std::array<double, 6> b{};   ///< gradient: the step solves H xi = -b
   double cost = 0;             ///< robust cost summed over pairs
   double squared_distance_m2 = 0;  ///< sum over pairs of (n' e)^2, n = the axis in which the pair is tightest
-  std::int64_t pairs = 0;      ///< point-voxel pairs that counted
-  std::int64_t inliers = 0;    ///< source points with at least one pair
+  std::int64_t pairs = 0;          ///< point-voxel pairs that counted
+  std::int64_t inliers = 0;        ///< source points with at least one pair
 };
 
 enum class Stop { converged, max_iterations, too_few_inliers, singular, not_finite };
 
 struct Match {
   Transform T_map_source;
-  Linearization last;   ///< at T_map_source
+  Linearization last;  ///< at T_map_source
   int iterations = 0;
   Stop stop = Stop::max_iterations;  ///< only `converged` is a success
 };
 
 /** The VGICP pass. \throws std::invalid_argument if points and covariances differ in number. */
-[[nodiscard]] Linearization linearize(Context& context, const PointsView& source, const CovariancesView& covariances,
-                                      const VoxelMap& map, const Transform& T_map_source, const MatchOptions& options);
+[[nodiscard]] Linearization linearize(Context& context, const PointsView& source,
+                                      const CovariancesView& covariances, const VoxelMap& map,
+                                      const Transform& T_map_source, const MatchOptions& options);
 
-/** Gauss-Newton from a guess, steps damped (Levenberg-Marquardt) when the cost over the same pairs would grow. Fewer than 10 source points
- * or fewer than 10 inliers give Stop::too_few_inliers and the guess. \throws as linearize(), or for an option out of range. */
+/** Gauss-Newton from a guess, steps damped (Levenberg-Marquardt) when the cost over the same pairs would
+ * grow. Fewer than 10 source points or fewer than 10 inliers give Stop::too_few_inliers and the guess.
+ * \throws as linearize(), or for an option out of range. */
 [[nodiscard]] Match match(Context& context, const PointsView& source, const CovariancesView& covariances,
-                          const VoxelMap& map, const Transform& T_map_source_guess, const MatchOptions& options);
+                          const VoxelMap& map, const Transform& T_map_source_guess,
+                          const MatchOptions& options);
 
 }  // namespace raceloc::gpu

@@ -49,7 +49,8 @@ struct Transform {
   std::array<double, 3> t{0, 0, 0};
 };
 
-/** A device that was asked for and is not there, or a call of its driver that failed: call, place and reason. */
+/** A device that was asked for and is not there, or a call of its driver that failed: call, place and reason.
+ */
 class DeviceError : public std::runtime_error {
  public:
   using std::runtime_error::runtime_error;

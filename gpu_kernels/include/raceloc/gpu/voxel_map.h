@@ -14,12 +14,13 @@ namespace raceloc::gpu {
 struct VoxelGaussians {
   std::vector<std::int32_t> ix, iy, iz;  ///< voxel indices, floor(p / voxel_size)
   Points mean;
-  Covariances covariance;                ///< its `neighbours` is the number of points merged
+  Covariances covariance;  ///< its `neighbours` is the number of points merged
   [[nodiscard]] std::size_t size() const { return ix.size(); }
 };
 
-/** Grows by insert(), shrinks by keepWithin(); reading it never changes it, so many threads may. It serves the contexts of
- * the device it was made with (linearize() throws std::invalid_argument for a CUDA context with another's map). */
+/** Grows by insert(), shrinks by keepWithin(); reading it never changes it, so many threads may. It serves
+ * the contexts of the device it was made with (linearize() throws std::invalid_argument for a CUDA context
+ * with another's map). */
 class VoxelMap {
  public:
   /** \throws std::invalid_argument if voxel_size_m is not > 0. */
@@ -28,18 +29,19 @@ class VoxelMap {
   VoxelMap(VoxelMap&&) noexcept;
   VoxelMap& operator=(VoxelMap&&) noexcept;
 
-  /** Merges points (moved by T_map_points, their covariances turned with them): a voxel's mean and covariance are the
-   * averages over all points it ever took, in order of insertion. Points beyond 2^20 voxels or not finite are dropped
-   * and counted in the result.
-   * \throws std::invalid_argument if the sizes differ. */
-  std::size_t insert(const PointsView& points, const CovariancesView& covariances, const Transform& T_map_points);
+  /** Merges points (moved by T_map_points, their covariances turned with them): a voxel's mean and covariance
+   * are the averages over all points it ever took, in order of insertion. Points beyond 2^20 voxels or not
+   * finite are dropped and counted in the result. \throws std::invalid_argument if the sizes differ. */
+  std::size_t insert(const PointsView& points, const CovariancesView& covariances,
+                     const Transform& T_map_points);
 
   /** Drops the voxels whose mean is farther than `distance_m` from `centre_m`; returns how many. */
   std::size_t keepWithin(const std::array<double, 3>& centre_m, double distance_m);
 
-  [[nodiscard]] std::size_t size() const;       ///< occupied voxels
-  [[nodiscard]] double voxelSize() const;       ///< [m]
-  [[nodiscard]] VoxelGaussians contents() const;  ///< in ascending (z, y, x) voxel order, the same on every device
+  [[nodiscard]] std::size_t size() const;  ///< occupied voxels
+  [[nodiscard]] double voxelSize() const;  ///< [m]
+  [[nodiscard]] VoxelGaussians contents()
+      const;  ///< in ascending (z, y, x) voxel order, the same on every device
 
   class Storage;
   [[nodiscard]] const Storage& storage() const { return *x_storage; }

@@ -1,0 +1,69 @@
+#!/usr/bin/env bash
+# Everything that has to pass, from a fresh clone: packages, build, format, clang-tidy, tests, sanitized tests.
+# Ends with the time of each stage and ctest's own summary of the main build; exits with 1 if any stage failed.
+set -euo pipefail
+cd "$(dirname "$0")/.."
+exec </dev/null
+
+# Objects compiled in another clone are as good.
+export CCACHE_BASEDIR=$PWD CCACHE_NOHASHDIR=1 CTEST_OUTPUT_ON_FAILURE=1
+main=build/ci
+sanitized=build/ci_sanitize
+jobs=$(nproc)
+mkdir -p "$main"
+failed=()
+times=()
+
+stage() {  # stage NAME COMMAND...: runs it, notes its time, and goes on when it fails
+  local name=$1 start=$SECONDS verdict=passed
+  shift
+  printf '\n=== %s\n' "$name"
+  if ! "$@"; then
+    verdict=FAILED
+    failed+=("$name")
+  fi
+  times+=("$(printf '%-26s %5d s  %s' "$name" $((SECONDS - start)) "$verdict")")
+}
+
+build() {  # the main build, optimized as it ships
+  cmake -G Ninja -S . -B "$main" -DCMAKE_BUILD_TYPE=Release -DRACELOC_TESTS=ON && cmake --build "$main" -j 1 --target core_unit_test core_property_test
+}
+
+format() {
+  find libs apps gpu_kernels tests -regex '.*\.\(h\|hpp\|cpp\|cu\|cuh\)' -print0 |
+    xargs -0 clang-format --dry-run -Werror
+}
+
+tidy() { tests/support/tidy.py "$main" libs/core libs/fusion; }
+
+main_tests() {
+  ctest --test-dir "$main" -j 1 -L install --timeout 900 --no-tests=error 2>&1 | tee "$main/ctest.log"
+}
+
+sanitized_tests() {  # only what is labelled `fast`
+  local -x ASAN_OPTIONS=detect_leaks=1:strict_string_checks=1 UBSAN_OPTIONS=print_stacktrace=1:halt_on_error=1
+  cmake -G Ninja -S . -B "$sanitized" -DCMAKE_BUILD_TYPE=Debug -DCMAKE_CXX_FLAGS_DEBUG=-O1 -DRACELOC_TESTS=ON \
+    -DRACELOC_CUDA=OFF -DRACELOC_SANITIZE=address,undefined &&
+    cmake --build "$sanitized" -j "$jobs" --target core_unit_test core_property_test fusion_property_test fusion_unit_test sensors_unit_test &&
+    ctest --test-dir "$sanitized" -j "$jobs" --timeout 900 --no-tests=error -R "^(Core|Fusion|Options|Trajectory|Labels|OutputFile|Se3|Sensors|Rawlog|LogReader|layering).*"
+}
+
+summary() {
+  printf '\n=== summary\n'
+  printf '%s\n' "${times[@]}"
+  printf '%-26s %5d s\n' total "$SECONDS"
+  [[ ${#failed[@]} -eq 0 ]] || printf 'FAILED: %s\n' "${failed[*]}"
+  [[ ! -f $main/ctest.log ]] || sed -n '/ tests passed, .* tests failed out of /,$p' "$main/ctest.log"
+  [[ ${#failed[@]} -eq 0 ]]
+}
+
+rm -f "$main/ctest.log"
+stage packages bash apps/install_packages.sh --tests
+stage build build
+stage clang-format format
+if [[ " ${failed[*]} " != *" build "* ]]; then
+  stage tests main_tests
+  stage clang-tidy tidy
+  stage "sanitized tests" sanitized_tests
+fi
+summary
