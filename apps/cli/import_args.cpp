@@ -336,6 +336,7 @@ std::optional<ImportArgs> parseImportArgs(int argc, char** argv) {
                                                             {"csv", parseCsv},
                                                             {"pcap", parsePcap}};
   std::vector<std::string> names;
+  names.reserve(formats.size());
   for (const auto& format : formats) names.push_back(format.first);
   const std::string word = argc > 1 ? argv[1] : "";
   if (word.empty()) throw InputError("no format given; one of: " + listed(names) + " (see --help)");

@@ -158,10 +158,13 @@ void Localizer::considerStart(const GpsFix& fix, const PoseFix& body) {
 
 void Localizer::tryStart(const Scan& scan, std::vector<LocalizerOutput>& outputs) {
   const double end_s = endOfSweep(scan);
-  if (!x_start_place || end_s <= x_start_place->stamp_s) return;
-  const auto motion = x_history.between(x_start_place->stamp_s, end_s);
-  if (!motion || motion->duration_s > x_options.policy.start_patience_s) return;
-  const Pose T_guess = x_start_place->T_map_body * motion->T_start_end;
+  if (!x_start_place) return;
+  // A sweep is looked at when its motion is known: the newest fix may be a little younger than its end.
+  const double fix_s = x_start_place->stamp_s;
+  const auto motion = x_history.between(std::min(fix_s, end_s), std::max(fix_s, end_s));
+  if (!motion || motion->duration_s > x_options.policy.max_fix_age_s) return;
+  const Pose T_fix_end = end_s >= fix_s ? motion->T_start_end : motion->T_start_end.inverse();
+  const Pose T_guess = x_start_place->T_map_body * T_fix_end;
   if (!x_window.moveTo(T_guess.translation().head<2>())) return;
 
   const GicpOptions& gicp = x_options.matching.registration;

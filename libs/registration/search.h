@@ -8,7 +8,7 @@ namespace raceloc {
 
 /** Section [search]. */
 struct SearchOptions {
-  double radius_m = 25;
+  double radius_m = 40;
   double step_m = 1.5;
   int finalists = 5;
   int points = 2000;

@@ -103,6 +103,7 @@ class CsvRows {
         throw InputError(where + ": " + std::to_string(cells.size()) + " cells, but there are " +
                          std::to_string(x_columns.size()) + " column names");
       std::vector<std::string> row;
+      row.reserve(wanted.size());
       for (const std::size_t column : wanted) row.push_back(cells[column]);
       if (std::any_of(row.begin(), row.end(), [](const auto& cell) { return cell.empty(); }))
         ++dropped;

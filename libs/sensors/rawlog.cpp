@@ -111,7 +111,7 @@ double usualSigma_m(int fix_quality) {
 Eigen::Vector3d sigmasOf(const CObservationGPS& gps) {
   if (gps.hasMsgClass<Message_NV_OEM6_BESTPOS>()) {
     const auto& best = gps.getMsgByClass<Message_NV_OEM6_BESTPOS>().fields;
-    const Eigen::Vector3d sigmas_m(best.lon_sigma, best.lat_sigma, best.hgt_sigma);
+    Eigen::Vector3d sigmas_m(best.lon_sigma, best.lat_sigma, best.hgt_sigma);
     if (sigmas_m.allFinite() && sigmas_m.minCoeff() > 0) return sigmas_m;
   }
   const auto& gga = gps.getMsgByClass<Message_NMEA_GGA>().fields;

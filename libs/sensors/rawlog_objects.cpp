@@ -66,7 +66,7 @@ std::shared_ptr<mrpt::obs::CObservation> RawlogObjects::next() {
       ++x_objects;
       if (auto observation = std::dynamic_pointer_cast<mrpt::obs::CObservation>(object)) return observation;
       const auto frame = std::dynamic_pointer_cast<mrpt::obs::CSensoryFrame>(object);
-      if (!frame || frame->size() == 0) continue;
+      if (!frame || frame->begin() == frame->end()) continue;
       x_frame.assign(frame->begin() + 1, frame->end());
       return *frame->begin();
     }

@@ -298,6 +298,7 @@ TEST_F(RawlogProperty, WhatIsLaterIsCountedAndOrderHoldsAnyway) {
 
 TEST_F(RawlogProperty, ACutLogNeverReadsAsAWholeOne) {
   std::vector<MotionSample> samples;
+  samples.reserve(200);
   Random source(7);
   for (int i = 0; i < 200; ++i)
     samples.push_back({1e9 + 0.01 * i, "vehicle", source.normal(), source.normal()});

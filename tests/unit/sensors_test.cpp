@@ -41,7 +41,6 @@ using ::testing::ElementsAre;
 using ::testing::Field;
 using ::testing::HasSubstr;
 using ::testing::IsEmpty;
-using ::testing::Not;
 
 const fs::path kRoot = fs::path(__FILE__).parent_path().parent_path().parent_path();
 const fs::path kRecordings = kRoot / "../shared/data";
@@ -450,7 +449,7 @@ class KittiTest : public SensorsTest {
     return importLog(drive, in(name), kQuiet);
   }
   [[nodiscard]] std::string refused() const {
-    const auto message = inputErrorOf([&] { static_cast<void>(import()); });
+    auto message = inputErrorOf([&] { static_cast<void>(import()); });
     EXPECT_THAT(rawlogsLeft(), IsEmpty());
     return message;
   }
@@ -677,7 +676,7 @@ TEST_F(PcdTest, AsciiAndBinaryAreTheSame) {
 TEST_F(PcdTest, WhatIsWrongIsNamed) {
   const auto refused = [&](const std::string& text) {
     const std::string path = write("x.pcd", text);
-    const auto message = inputErrorOf([&] { static_cast<void>(readPcd(path, 255)); });
+    auto message = inputErrorOf([&] { static_cast<void>(readPcd(path, 255)); });
     EXPECT_THAT(message, HasSubstr(path));
     return message;
   };
@@ -742,7 +741,7 @@ class CsvTest : public SensorsTest {
   }
   [[nodiscard]] std::string refused(const std::string& csv) const {
     write("log.csv", csv);
-    const auto message = inputErrorOf([&] { static_cast<void>(importLog(source, in("x.rawlog"), kQuiet)); });
+    auto message = inputErrorOf([&] { static_cast<void>(importLog(source, in("x.rawlog"), kQuiet)); });
     EXPECT_THAT(rawlogsLeft(), IsEmpty());
     return message;
   }
