@@ -4,10 +4,13 @@
 #include <utility>
 
 #include "cloud/voxel_grid.h"
+#include "registration/search.h"
 
 namespace raceloc {
 
 void OdometryOptions::describe(OptionList& keys) {
+  keys.add("first_step_m", first_step_m, atLeast(0),
+           "without wheel speed, the second scan is looked for this far around the first [m]");
   keys.add("scan_voxel_m", scan_voxel_m, above(0), "scans are thinned to one point a voxel of this edge [m]");
   keys.add("local_map_radius_m", local_map_radius_m, above(0),
            "the local map reaches this far from the car [m]");
@@ -58,9 +61,15 @@ OdometryStep LivOdometry::add(const Scan& scan, const MotionHistory& history) {
     const double duration_s = step.stamp_s - *x_last_stamp_s;
     const auto wheels = history.between(*x_last_stamp_s, step.stamp_s);
     const Pose T_last_guess = wheels ? wheels->T_start_end : se3Exp(velocityOf(x_last_motion) * duration_s);
-    step.match = align(x_context, step.scan, x_local_map, x_T_odom_body * T_last_guess, x_gicp);
+    const Pose T_guess = x_T_odom_body * T_last_guess;
+    const bool speed_unknown = !wheels && x_last_motion.duration_s == 0;
+    SearchOptions around;
+    around.radius_m = x_options.first_step_m;
+    around.step_m = 0.75 * x_gicp.voxel_size_m;
+    step.match = speed_unknown ? alignWithSearch(x_context, step.scan, x_local_map, T_guess, x_gicp, around)
+                               : align(x_context, step.scan, x_local_map, T_guess, x_gicp);
     step.trusted = step.match.trusted(x_gicp);
-    const Pose T_odom_body = step.trusted ? step.match.T_target_source : x_T_odom_body * T_last_guess;
+    const Pose T_odom_body = step.trusted ? step.match.T_target_source : T_guess;
     step.since_last = {duration_s, x_T_odom_body.inverse() * T_odom_body, step.match.covariance};
     if (!step.trusted && wheels) step.since_last.covariance = wheels->covariance;
     x_T_odom_body = T_odom_body;

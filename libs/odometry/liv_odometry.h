@@ -17,6 +17,7 @@ namespace raceloc {
 struct OdometryOptions {
   double scan_voxel_m = 0.5;
   double local_map_radius_m = 100;
+  double first_step_m = 8;
   void describe(OptionList& keys);
 };
 
