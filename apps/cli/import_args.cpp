@@ -222,9 +222,9 @@ std::optional<ImportArgs> parseKittiRaw(const Words& words) {
   Text& noise = f.addNoise();
   Text& seed = f.addSeed();
   Text& sweep = f.add("sweep",
-                      "how the LiDAR turns, seen from above: ccw (default), cw, or none for no times of "
+                      "how the LiDAR turns, seen from above: cw (default), ccw, or none for no times of "
                       "points",
-                      "ccw", "ccw|cw|none");
+                      "cw", "cw|ccw|none");
   Text& offset = f.add("utc-offset-h", "of the stamps, which have no zone [h] (default 2: CEST)", "2", "H");
   Text& imu = f.add("imu", "IMU in the body [m] (default: KITTI's)", "", "\"x y z\"");
   Text& origin = f.add("origin", "of the map frame (default: the drive's first position)", "",

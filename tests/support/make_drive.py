@@ -112,7 +112,7 @@ def flat_distances(origin_m, direction, walls, poles):
 def sweep(drive, forward_s, walls, poles, random):
     """One revolution about the time when the LiDAR faces forward: points [velo frame, m] with intensity, float32."""
     turn = (np.arange(AZIMUTHS_PER_SWEEP) + 0.5) / AZIMUTHS_PER_SWEEP
-    azimuth_rad = -np.pi + 2 * np.pi * turn  # counter-clockwise from straight back
+    azimuth_rad = np.pi - 2 * np.pi * turn  # clockwise from straight back, as the HDL-64E turns
     way_m = drive.way_after_m(forward_s + (turn - 0.5) * PERIOD_S)
     yaw_imu = drive.yaw_rad(way_m)
     c, s = np.cos(YAW_VELO_IMU_RAD), np.sin(YAW_VELO_IMU_RAD)

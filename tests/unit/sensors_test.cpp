@@ -494,6 +494,7 @@ TEST_F(KittiTest, DevicesAndFrames) {
 }
 
 TEST_F(KittiTest, TimesFollowTheSweep) {
+  drive.sweep = Sweep::counter_clockwise;
   static_cast<void>(import());
   const auto scans = only<Scan>(readAll(in("x.rawlog")));
   ASSERT_EQ(scans.size(), 2U);
