@@ -117,8 +117,8 @@ mrpt::obs::CObservation3DScene scene(const LocalizerOutput& output) {
 }  // namespace
 
 AnnotatedLog::AnnotatedLog(const std::string& path, const GeodeticPoint& origin,
-                           std::vector<std::string> sources)
-    : x_sources(std::move(sources)), x_writer(path, {origin, headerText(x_sources)}) {}
+                           std::vector<std::string> sources, int gzip_level)
+    : x_sources(std::move(sources)), x_writer(path, {origin, headerText(x_sources)}, gzip_level) {}
 
 void AnnotatedLog::write(const Sample& sample) {
   if (const auto* motion = std::get_if<MotionSample>(&sample))

@@ -24,7 +24,8 @@ class AnnotatedLog {
  public:
   /** \param sources  labels that may appear in decisions, in the order of the columns
    * \throws InputError if the file cannot be written. */
-  AnnotatedLog(const std::string& path, const GeodeticPoint& origin, std::vector<std::string> sources);
+  AnnotatedLog(const std::string& path, const GeodeticPoint& origin, std::vector<std::string> sources,
+               int gzip_level);
   void write(const Sample& sample);
   void write(const LocalizerOutput& output);
   void commit() { x_writer.commit(); }

@@ -15,6 +15,7 @@ namespace raceloc {
 struct LiveOptions {
   std::string disable_labels;
   double disable_after_s = 1.0;
+  int output_gzip_level = 0;
   void describe(OptionList& keys);
 };
 

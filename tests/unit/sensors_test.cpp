@@ -42,7 +42,7 @@ using ::testing::Field;
 using ::testing::HasSubstr;
 using ::testing::IsEmpty;
 
-const fs::path kRoot = fs::path(__FILE__).parent_path().parent_path().parent_path();
+const fs::path kRoot = RACELOC_ROOT;
 const fs::path kRecordings = kRoot / "../shared/data";
 const fs::path kKittiDrive = kRoot / "build/data/kitti_raw/2011_09_26/2011_09_26_drive_0013_sync";
 
