@@ -75,6 +75,8 @@ std::optional<MapArgs> parseMapArgs(int argc, char** argv) {
   TCLAP::UnlabeledValueArg<std::string> log("rawlog", "the survey log", false, "", "SURVEY.rawlog", cmd);
   if (!cmd.parse(argc, argv)) return std::nullopt;
 
+  if (log.getValue().substr(0, 1) == "-")  // TCLAP takes an option that it does not know for the log
+    throw InputError("unknown option " + log.getValue() + " (see --help)");
   if (!print_ini.getValue()) {
     if (log.getValue().empty()) throw InputError("no survey log given (see --help)");
     if (!ini.isSet()) throw InputError("no options given: -c ini/map.ini (see --help)");

@@ -65,19 +65,21 @@ std::string verdictText(const SourceVerdict& v) {
   return text;
 }
 
+/** Axes as in the map, origin at the car: viewers look at the origin, and there the car stays. */
 mrpt::obs::CObservation3DScene scene(const LocalizerOutput& output) {
   using namespace mrpt::opengl;
+  const Eigen::Translation3d to_car(-output.T_map_body.translation());
   mrpt::obs::CObservation3DScene observation;
   observation.timestamp = toMrptStamp(output.stamp_s);
   observation.scene = COpenGLScene::Create();
-  const mrpt::poses::CPose3D T_map_body = toMrpt(output.T_map_body);
+  const mrpt::poses::CPose3D T_scene_body = toMrpt(to_car * output.T_map_body);
 
   auto car = CBox::Create(mrpt::math::TPoint3D(-1, -0.9, 0), mrpt::math::TPoint3D(3.8, 0.9, 1.2));
-  car->setPose(T_map_body);
+  car->setPose(T_scene_body);
   car->setColor_u8(mrpt::img::TColor(40, 120, 220, 180));
   observation.scene->insert(car);
   auto axes = stock_objects::CornerXYZSimple(3, 2);
-  axes->setPose(T_map_body);
+  axes->setPose(T_scene_body);
   observation.scene->insert(axes);
 
   if (output.scan_match) {
@@ -85,8 +87,9 @@ mrpt::obs::CObservation3DScene scene(const LocalizerOutput& output) {
     const Cloud& scan = output.scan_match->scan_body;
     cloud->setAllPoints(scan.x, scan.y, scan.z);
     cloud->setPointSize(2);
-    cloud->setPose(
-        toMrpt(output.scan_match->trusted ? output.scan_match->match.T_target_source : output.T_map_body));
+    const ScanMatch& m = *output.scan_match;
+    cloud->setPose(toMrpt(to_car * (m.trusted ? m.match.T_target_source : output.T_map_body)));
+    cloud->setGradientColors({0.2F, 0.5F, 1.0F}, {1.0F, 0.9F, 0.2F});
     cloud->enableColorFromZ();
     observation.scene->insert(cloud);
   }
@@ -99,14 +102,13 @@ mrpt::obs::CObservation3DScene scene(const LocalizerOutput& output) {
     auto ellipse = CEllipsoid2D::Create();
     ellipse->setCovMatrix(mrpt::math::CMatrixDouble22(fix.cov_p_m2));
     ellipse->setQuantiles(3.0F);
-    ellipse->setLocation(fix.p_map_m.x(), fix.p_map_m.y(), output.T_map_body.translation().z());
+    const Eigen::Vector2d p_m = fix.p_map_m - output.T_map_body.translation().head<2>();
+    ellipse->setLocation(p_m.x(), p_m.y(), 0);
     ellipse->setColor_u8(color);
     observation.scene->insert(ellipse);
     if (!verdict) continue;
     auto text = CText3D::Create(verdictText(*verdict), "sans", 0.8);
-    text->setPose(mrpt::poses::CPose3D(output.T_map_body.translation().x(),
-                                       output.T_map_body.translation().y(),
-                                       output.T_map_body.translation().z() + line_m, 0, 0, M_PI / 2));
+    text->setPose(mrpt::poses::CPose3D(0, 0, line_m, 0, 0, M_PI / 2));
     text->setColor_u8(color);
     observation.scene->insert(text);
     line_m += 1.2;

@@ -60,6 +60,18 @@ std::vector<std::string> sourcesOf(const LogSummary& summary, const std::string&
   return sources;
 }
 
+/** A pattern that switches off nothing is a slip of the pen. */
+void requireSomethingToDisable(const LogSummary& summary, const std::string& patterns) {
+  if (patterns.empty()) return;
+  std::vector<std::string> labels;
+  for (const auto& device : summary.devices) {
+    if (matchesLabel(patterns, device.label)) return;
+    labels.push_back(device.label);
+  }
+  throw InputError("rawlog " + summary.path + ": nothing to disable is labelled " + patterns +
+                   " (labels in it: " + listed(labels) + ")");
+}
+
 /** Sums up outputs as they come. */
 class Tally {
  public:
@@ -106,6 +118,8 @@ ReplayReport replay(const std::string& log_path, const std::string& map_path, co
   const LogSummary summary = summarizeRawlog(log_path);
   requireDevice(summary, "lidar", log.lidar_labels);
   requireDevice(summary, "gps", log.gps_labels);
+
+  requireSomethingToDisable(summary, options.live.disable_labels);
 
   std::optional<AnnotatedLog> annotated;
   if (!output_path.empty())

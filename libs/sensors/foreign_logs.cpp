@@ -70,13 +70,13 @@ std::vector<std::string> filesIn(const std::string& what, const std::string& fol
 Cloud readVelodyneBin(const std::string& path) {
   std::ifstream in(path, std::ios::binary | std::ios::ate);
   const auto bytes = in ? static_cast<std::size_t>(in.tellg()) : 0;
+  if (in && (bytes == 0 || bytes % 16 != 0))
+    throw InputError("scan " + path + ": " + std::to_string(bytes) +
+                     " bytes, but float32 x y z intensity need a multiple of 16; is it truncated?");
   std::vector<float> values(bytes / sizeof(float));
   in.seekg(0);
   in.read(reinterpret_cast<char*>(values.data()), static_cast<std::streamsize>(bytes));
   if (!in) throw InputError("scan " + path + ": cannot be read");
-  if (bytes == 0 || bytes % 16 != 0)
-    throw InputError("scan " + path + ": " + std::to_string(bytes) +
-                     " bytes, but float32 x y z intensity need a multiple of 16; is it truncated?");
   Cloud cloud;
   cloud.reserve(values.size() / 4);
   for (std::size_t i = 0; i < values.size(); i += 4)

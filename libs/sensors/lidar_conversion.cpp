@@ -56,9 +56,10 @@ void readCloud(const mrpt::maps::CPointsMap& map, Scan& scan) {
 }
 
 /** Takes the points of a Velodyne scan one by one, as MRPT decodes its packets. */
-class VelodynePoints final : public mrpt::obs::CObservationVelodyneScan::PointCloudStorageWrapper {
+class VelodynePoints : public mrpt::obs::CObservationVelodyneScan::PointCloudStorageWrapper {
  public:
   explicit VelodynePoints(Scan& scan) : x_scan(scan) {}
+  virtual ~VelodynePoints() = default;  // MRPT forgot its own
   void add_point(float x, float y, float z, std::uint8_t intensity, const mrpt::system::TTimeStamp& stamp,
                  float /*azimuth*/, std::uint16_t laser) override {
     if (!isFinite(x, y, z)) return;

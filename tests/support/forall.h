@@ -16,7 +16,9 @@ namespace raceloc::test {
 class Random {
  public:
   explicit Random(unsigned seed) : x_engine(seed) {}
-  double uniform(double low, double high) { return std::uniform_real_distribution<double>(low, high)(x_engine); }
+  double uniform(double low, double high) {
+    return std::uniform_real_distribution<double>(low, high)(x_engine);
+  }
   double normal(double sigma = 1) { return std::normal_distribution<double>(0, sigma)(x_engine); }
   int integer(int low, int high) { return std::uniform_int_distribution<int>(low, high)(x_engine); }
   template <class T>
