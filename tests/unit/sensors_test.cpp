@@ -31,11 +31,9 @@
 #include "sensors/text_input.h"
 #include "sensors/velodyne_pcap.h"
 
-/** Read by the leak sanitizer: MRPT's Velodyne driver keeps a packet filter of libpcap, 136 bytes a capture.
- */
-extern "C" const char* __lsan_default_suppressions() {
-  return "leak:libpcap.so";
-}  // NOLINT(*-reserved-identifier)
+/** For the leak sanitizer: MRPT's Velodyne driver keeps 136 bytes of libpcap's for each capture. */
+// NOLINTNEXTLINE(bugprone-reserved-identifier): the sanitizer's name for it
+extern "C" const char* __lsan_default_suppressions() { return "leak:libpcap.so"; }
 
 namespace raceloc {
 namespace {

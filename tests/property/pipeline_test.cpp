@@ -1,0 +1,209 @@
+/** \file
+ * The localizer, driven down a street of known points: given ..., when ..., then .... */
+#include <gmock/gmock.h>
+#include <unistd.h>
+
+#include <filesystem>
+#include <functional>
+
+#include "cloud/deskew.h"
+#include "cloud/voxel_grid.h"
+#include "core/errors.h"
+#include "map/map_file.h"
+#include "pipeline/localizer.h"
+#include "pipeline/map_quality.h"
+#include "support/room.h"
+
+namespace raceloc {
+namespace {
+
+using test::Random;
+
+constexpr double kSpeed_mps = 10, kYawRate_rps = 0.02, kEnd_s = 4;
+const Eigen::Vector3d kLever_m(1.0, 0.2, 1.2);
+
+Pose truthAt(double stamp_s) {
+  return poseFromRpy({-25, -1, 0.3}, 0, 0, 0.02) * arc(kSpeed_mps * stamp_s, kYawRate_rps * stamp_s);
+}
+
+/** What may be done to a sample on its way to the localizer: changed, or dropped (false). */
+using Fault = std::function<bool(Sample&, Random&)>;
+bool none(Sample& /*sample*/, Random& /*rnd*/) { return true; }
+
+class LocalizerTest : public ::testing::Test {
+ protected:
+  void SetUp() override {
+    path_ =
+        std::filesystem::temp_directory_path() / ("raceloc_localizer_" + std::to_string(getpid()) + ".rlmap");
+    TiledMap tiles(32);
+    CovarianceOptions dense;
+    dense.radius_m = 0.6;
+    const CovarianceCloud map = withCovariances(context_, voxelGrid(context_, street_, 0.2), dense);
+    tiles.insert(map.cloud, map.covariances.view());
+    saveMap(path_, tiles, {GeodeticPoint{49, 8, 100}, 32, 0.2, "test", "", {"survey"}}, {});
+  }
+  void TearDown() override { std::filesystem::remove(path_); }
+
+  std::vector<LocalizerOutput> drive(const Fault& fault, unsigned seed = 1) {
+    Random rnd(seed);
+    const MapFile map(path_);
+    LocalizerOptions options;
+    options.matching.crop = {0, 80, 0, 0, 0};
+    Localizer localizer(context_, map, options);
+    std::vector<LocalizerOutput> outputs;
+    const auto hand = [&](Sample sample) {
+      if (!fault(sample, rnd)) return;
+      for (auto& output : localizer.add(sample)) outputs.push_back(std::move(output));
+    };
+    for (int i = 0; i <= 100 * kEnd_s; ++i) {
+      const double stamp_s = 0.01 * i;
+      const Pose T = truthAt(stamp_s);
+      if (i % 5 == 0) {
+        hand(InsPose{stamp_s, "gps_a", T, 1e-6 * Matrix6d::Identity()});
+        const Eigen::Vector3d noise_m(rnd.normal(0.02), rnd.normal(0.02), rnd.normal(0.02));
+        hand(GpsFix{stamp_s, "gps_a", T * kLever_m + noise_m, 4e-4 * Eigen::Matrix3d::Identity(), kLever_m,
+                    4});
+      }
+      hand(MotionSample{stamp_s, "vehicle", kSpeed_mps, kYawRate_rps});
+      if (i % 10 == 0)
+        hand(Scan{stamp_s,
+                  "lidar",
+                  Pose::Identity(),
+                  voxelGrid(context_, transformed(street_, T.inverse()), 0.5),
+                  {},
+                  {}});
+    }
+    for (auto& output : localizer.finish()) outputs.push_back(std::move(output));
+    start_ = localizer.startReport();
+    return outputs;
+  }
+
+  static double worstError_m(const std::vector<LocalizerOutput>& outputs) {
+    double worst_m = 0;
+    for (const auto& output : outputs)
+      worst_m =
+          std::max(worst_m, (output.T_map_body.translation() - truthAt(output.stamp_s).translation()).norm());
+    return worst_m;
+  }
+  static std::size_t alarms(const std::vector<LocalizerOutput>& outputs) {
+    return static_cast<std::size_t>(std::count_if(
+        outputs.begin(), outputs.end(), [](const auto& o) { return o.decision && o.decision->alarm; }));
+  }
+
+  Random rnd_{21};
+  gpu::Context context_{gpu::Backend::cpu};
+  Cloud street_ = test::street(rnd_, 0.01, 40000);
+  std::string path_;
+  std::optional<StartReport> start_;
+};
+
+/** 1 cm point noise, 1 m voxels, 0.2 m between map points: a match is good to some centimetres. */
+constexpr double kMatch_m = 0.08;
+
+TEST_F(LocalizerTest, GivenAllSourcesItFollowsTheCar) {
+  const auto outputs = drive(none);
+  ASSERT_GE(outputs.size(), 38U);
+  EXPECT_LT(worstError_m(outputs), kMatch_m);
+  EXPECT_EQ(alarms(outputs), 0U);
+  ASSERT_TRUE(start_);
+  EXPECT_TRUE(start_->by_match);
+  for (std::size_t i = 1; i < outputs.size(); ++i) EXPECT_GT(outputs[i].stamp_s, outputs[i - 1].stamp_s);
+}
+
+TEST_F(LocalizerTest, WhenTheGpsLiesFromTheFirstFixOnItIsRejected) {
+  const auto outputs = drive([](Sample& sample, Random& rnd) {
+    if (auto* fix = std::get_if<GpsFix>(&sample))
+      fix->p_map_antenna_m += Eigen::Vector3d(rnd.oneOf({-1, 1}) * rnd.uniform(6, 12), rnd.normal(2), 0);
+    return true;
+  });
+  EXPECT_LT(worstError_m(outputs), kMatch_m);
+  for (const auto& output : outputs)
+    for (const auto& verdict : output.decision->sources)
+      EXPECT_EQ(verdict.accepted, verdict.source == "scan_match") << output.stamp_s;
+}
+
+TEST_F(LocalizerTest, WhenTheGpsStopsTheMatchCarriesOn) {
+  const auto outputs =
+      drive([](Sample& sample, Random&) { return stampOf(sample) < 1 || labelOf(sample) != "gps_a"; });
+  EXPECT_NEAR(outputs.back().stamp_s, kEnd_s, 0.11);
+  EXPECT_LT(worstError_m(outputs), kMatch_m);
+}
+
+TEST_F(LocalizerTest, WhenTheLidarStopsTheGpsCarriesOn) {
+  const auto outputs = drive(
+      [](Sample& sample, Random&) { return stampOf(sample) < 1 || !std::holds_alternative<Scan>(sample); });
+  EXPECT_NEAR(outputs.back().stamp_s, kEnd_s, 0.06);
+  EXPECT_LT(worstError_m(outputs), 0.15);  // 3 sigma of 2 cm on two axes, on top of the last match
+}
+
+TEST_F(LocalizerTest, WhenAllSourcesStopItDeadReckons) {
+  const auto outputs = drive([](Sample& sample, Random&) {
+    return stampOf(sample) < 1 || std::holds_alternative<MotionSample>(sample);
+  });
+  EXPECT_NEAR(outputs.back().stamp_s, kEnd_s, 0.3);
+  EXPECT_FALSE(outputs.back().decision);
+  EXPECT_LT(worstError_m(outputs), kMatch_m + 0.01 * 3 * kSpeed_mps);  // 1 % of 30 m
+  const auto sigma_m = [](const LocalizerOutput& o) { return std::sqrt(o.covariance(3, 3)); };
+  EXPECT_GT(sigma_m(outputs.back()), 2 * sigma_m(outputs.front()));  // and knows that it knows less
+}
+
+TEST_F(LocalizerTest, WhenAllSourcesLieTheAlarmIsUp) {
+  const auto outputs = drive([](Sample& sample, Random&) {
+    if (stampOf(sample) < 1) return true;
+    if (auto* fix = std::get_if<GpsFix>(&sample)) fix->p_map_antenna_m.x() += 30;
+    return !std::holds_alternative<Scan>(sample);
+  });
+  EXPECT_GT(alarms(outputs), 10U);
+  EXPECT_LT(worstError_m(outputs), kMatch_m + 0.01 * 3 * kSpeed_mps);
+}
+
+TEST_F(LocalizerTest, BeforeItHasAHeadingItSaysNothing) {
+  const auto outputs = drive([](Sample& sample, Random&) {
+    if (auto* fix = std::get_if<GpsFix>(&sample))
+      fix->p_map_antenna_m = truthAt(0) * kLever_m;  // it stands still
+    return !std::holds_alternative<InsPose>(sample);
+  });
+  EXPECT_TRUE(outputs.empty());
+  EXPECT_FALSE(start_);
+}
+
+TEST_F(LocalizerTest, WithoutAnInsTheCourseStartsIt) {
+  const auto outputs =
+      drive([](Sample& sample, Random&) { return !std::holds_alternative<InsPose>(sample); });
+  ASSERT_TRUE(start_);
+  EXPECT_LT(worstError_m(outputs), kMatch_m);
+}
+
+TEST_F(LocalizerTest, TheSameDriveGivesTheSameBits) {
+  const auto once = drive(none), again = drive(none);
+  ASSERT_EQ(once.size(), again.size());
+  for (std::size_t i = 0; i < once.size(); ++i)
+    EXPECT_EQ(once[i].T_map_body.matrix(), again[i].T_map_body.matrix());
+}
+
+TEST(WallThicknessProperty, IsTheSpreadAcrossTheWall) {
+  Random rnd(9);
+  Cloud wall;
+  constexpr double kSigma_m = 0.03;
+  for (int i = 0; i < 40000; ++i) {
+    const double along_m = rnd.uniform(-10, 10);
+    wall.push(Eigen::Vector3d(0.8 * along_m, 0.6 * along_m, rnd.uniform(0, 3)).cast<float>() +
+              (Eigen::Vector3d(-0.6, 0.8, 0) * rnd.normal(kSigma_m)).cast<float>());
+  }
+  const WallThickness measured = wallThickness(wall);
+  EXPECT_GT(measured.cells, 50U);
+  EXPECT_NEAR(measured.median_m, kSigma_m,
+              0.2 * kSigma_m);  // cells cut a slanted wall: some take part of its depth
+}
+
+TEST(WallThickness, GroundIsNoWall) {
+  Random rnd(10);
+  Cloud ground;
+  for (int i = 0; i < 20000; ++i)
+    ground.push(Eigen::Vector3d(rnd.uniform(-5, 5), rnd.uniform(-5, 5), rnd.normal(0.01)).cast<float>());
+  EXPECT_EQ(wallThickness(ground).cells, 0U);
+  EXPECT_EQ(wallThickness({}).cells, 0U);
+}
+
+}  // namespace
+}  // namespace raceloc
