@@ -41,7 +41,7 @@ WallThickness wallThickness(const Cloud& points, double cell_m) {
         covariance += d * d.transpose() / static_cast<double>(n);
       }
       const Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> eigen(covariance);
-      const Eigen::Vector3d variance_m2 = eigen.eigenvalues();
+      const Eigen::Vector3d& variance_m2 = eigen.eigenvalues();
       const bool flat = variance_m2(0) < 0.1 * variance_m2(1);
       const bool upright = std::abs(eigen.eigenvectors()(2, 0)) < max_upright;
       if (flat && upright) thickness_m.push_back(std::sqrt(std::max(0.0, variance_m2(0))));
