@@ -44,7 +44,12 @@ void print(const ReplayReport& r) {
     std::printf("start            after %.2f s: by the fix of %s ALONE, no scan match near it\n",
                 r.start->stamp_s - r.first_s, r.start->receiver.c_str());
   if (r.dropped_late > 0)
-    std::printf("dropped          %zu samples, out of order beyond the window\n", r.dropped_late);
+    std::printf("dropped          %zu samples, late beyond the window or not finite\n", r.dropped_late);
+  if (r.passed_over > 0)
+    std::printf("passed over      %zu sweeps, not later than the one before\n", r.passed_over);
+  if (r.without_wheels > 0)
+    std::printf("DEGRADED         %zu outputs without speed and yaw rate: the last ones went on\n",
+                r.without_wheels);
   if (r.disabled_samples > 0) std::printf("disabled         %zu samples, as asked\n", r.disabled_samples);
   std::printf(
       "scan match       %zu of %zu sweeps trusted; residual %.3f m across the surface, inlier share %.2f, "

@@ -3,6 +3,8 @@
 #include <cstdio>
 #include <filesystem>
 #include <iostream>
+#include <memory>
+#include <vector>
 
 #include "cli/app.h"
 #include "core/errors.h"
@@ -40,12 +42,19 @@ void print(const MapReport& r, const MapInfo& info) {
   std::printf("device           %s\n", r.device_reason.c_str());
   std::printf("recording        %.1f s, %.0f m, %zu scans (%zu trusted, %zu de-skewed by wheel speed)\n",
               r.recorded_s, r.length_m, r.scans, r.trusted_scans, r.scans_by_wheels);
+  if (r.passed_over > 0)
+    std::printf("passed over      %zu scans, not later than the one before\n", r.passed_over);
+  if (r.restarts > 0)
+    std::printf(
+        "LOST             the LiDAR odometry was lost %zu times for good and began anew by dead reckoning\n",
+        r.restarts);
   if (r.dropped_late > 0)
-    std::printf("dropped          %zu samples, out of order beyond the window\n", r.dropped_late);
+    std::printf("dropped          %zu samples, late beyond the window or not finite\n", r.dropped_late);
   std::printf("scan match       residual %.3f m across the surface, inlier share %.2f (medians)\n",
               r.match_residual_m, r.match_inlier_share);
-  std::printf("pose graph       %zu key poses, %zu with GPS, %zu with INS attitude; cost %.4g -> %.4g\n",
-              r.key_poses, r.gps_factors, r.attitude_factors, r.graph_initial_cost, r.graph_final_cost);
+  std::printf("pose graph       %zu key poses, %zu with GPS, %zu with INS attitude; cost %.4g -> %.4g%s\n",
+              r.key_poses, r.gps_factors, r.attitude_factors, r.graph_initial_cost, r.graph_final_cost,
+              r.graph_converged ? "" : ", NOT converged");
   if (info.origin)
     std::printf("georeference     origin %.7f %.7f deg, %.2f m; GPS against the map %.3f m rmse\n",
                 info.origin->latitude_deg, info.origin->longitude_deg, info.origin->height_m, r.gps_rmse_m);
@@ -93,8 +102,12 @@ void runMap(const MapArgs& args) {
   }
   const MapperOptions options = MapperOptions::fromIni(args.ini_path);
   if (args.verbose) std::cout << options.iniText() << "\n";
-  const OutputFile probe(
-      args.map_path);  // an output that cannot be written is told before the work, not after
+  if (std::filesystem::path(args.map_path).extension() != ".rlmap")
+    throw InputError("output " + args.map_path + ": a map's name ends in .rlmap");
+  // An output that cannot be written is told before the work, not after.
+  std::vector<std::unique_ptr<OutputFile>> probes;
+  for (const auto& path : {args.map_path, args.odometry_path, args.trajectory_path})
+    if (!path.empty()) probes.push_back(std::make_unique<OutputFile>(path));
 
   const auto start = std::chrono::steady_clock::now();
   std::optional<BuiltMap> built;

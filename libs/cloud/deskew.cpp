@@ -41,9 +41,9 @@ DeskewedScan deskew(const Scan& scan, double speed_mps, double yaw_rate_rps, con
   const float steps_per_s = sweep_s > 0 ? static_cast<float>(kSteps / sweep_s) : 0.0F;
   const bool with_intensity = !scan.cloud.intensity.empty();
   for (std::size_t i = 0; i < scan.cloud.size(); ++i) {
-    const auto k = scan.time_s.empty()
-                       ? std::size_t{0}
-                       : static_cast<std::size_t>(std::lround(std::max(0.0F, scan.time_s[i]) * steps_per_s));
+    const auto k = scan.time_s.empty() ? std::size_t{0}
+                                       : static_cast<std::size_t>(std::clamp(
+                                             std::lround(scan.time_s[i] * steps_per_s), 0L, long{kSteps}));
     const Eigen::Vector3f p_lidar_m = scan.cloud.point(i);
     const Eigen::Vector3f p_body_m = T_end_lidar[k] * p_lidar_m;
     if (!isInside(p_lidar_m, p_body_m, crop)) continue;

@@ -144,7 +144,6 @@ IniFile::IniFile(const std::string& path) : x_path(path) {
 IniFile::~IniFile() = default;
 
 void IniFile::read(const std::string& section, OptionList& keys) {
-  x_known_sections.push_back(section);
   std::vector<std::string> known;
   for (const auto& b : keys.x_bindings) known.push_back(b.key);
 

@@ -17,6 +17,8 @@ void GraphOptions::describe(OptionList& keys) {
   keys.add("gps_min_sigma_m", gps_min_sigma_m, above(0),
            "no fix is believed to be better than this per axis [m]");
   keys.add("gps_robust_width", gps_robust_width, above(0), "width of the Cauchy loss on fixes, in sigmas");
+  keys.add("attitude_min_sigma_deg", attitude_min_sigma_deg, above(0),
+           "no INS is believed to be better than this [deg]");
   keys.add("level_sigma_deg", level_sigma_deg, above(0),
            "roll and pitch where no INS gives them: zero within this [deg]");
   keys.add("max_iterations", max_iterations, between(1, 10000), "steps of the solver at most");
@@ -80,6 +82,7 @@ GraphSolution solveLidarGraph(const std::vector<Keyframe>& keyframes, const Grap
     problem.AddParameterBlock(pose.p.data(), 3);
   }
   const double odometry_rad2 = std::pow(o.odometry_sigma_deg * M_PI / 180, 2);
+  const double attitude_rad2 = std::pow(o.attitude_min_sigma_deg * M_PI / 180, 2);
   const double odometry_m2 = std::pow(o.odometry_sigma_m, 2);
   for (std::size_t i = 0; i < keyframes.size(); ++i) {
     const Keyframe& k = keyframes[i];
@@ -104,7 +107,8 @@ GraphSolution solveLidarGraph(const std::vector<Keyframe>& keyframes, const Grap
     if (k.attitude)
       problem.AddResidualBlock(
           new ceres::AutoDiffCostFunction<AttitudeFactor, 3, 4>(new AttitudeFactor{
-              Eigen::Quaterniond(k.attitude->R_map_body), whiteningOf<3>(k.attitude->covariance_rad2)}),
+              Eigen::Quaterniond(k.attitude->R_map_body),
+              whiteningOf<3>(k.attitude->covariance_rad2 + attitude_rad2 * Eigen::Matrix3d::Identity())}),
           nullptr, q);
     else
       problem.AddResidualBlock(
@@ -125,8 +129,10 @@ GraphSolution solveLidarGraph(const std::vector<Keyframe>& keyframes, const Grap
   solver.logging_type = ceres::SILENT;
   ceres::Solver::Summary summary;
   ceres::Solve(solver, &problem, &summary);
+  if (!summary.IsSolutionUsable()) throw std::runtime_error("pose graph: " + summary.message);
 
-  GraphSolution solution{{}, summary.initial_cost, summary.final_cost, 0, 0, summary.BriefReport()};
+  GraphSolution solution{
+      {}, summary.initial_cost, summary.final_cost, 0, 0, summary.termination_type == ceres::CONVERGENCE};
   double squared_m2 = 0;
   for (std::size_t i = 0; i < keyframes.size(); ++i) {
     Pose T = Pose::Identity();

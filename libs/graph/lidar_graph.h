@@ -2,7 +2,6 @@
  * Batch pose graph: LiDAR odometry between key poses, GPS positions on them. */
 #pragma once
 
-#include <string>
 #include <vector>
 
 #include "core/options.h"
@@ -16,6 +15,7 @@ struct GraphOptions {
   double odometry_sigma_deg = 0.1;
   double gps_min_sigma_m = 0.05;
   double gps_robust_width = 2.0;
+  double attitude_min_sigma_deg = 0.05;
   double level_sigma_deg = 5.0;
   int max_iterations = 100;
   void describe(OptionList& keys);
@@ -26,7 +26,7 @@ struct GraphSolution {
   double initial_cost, final_cost;  ///< half the sum of squared whitened (robust) residuals
   double gps_rmse_m;                ///< over the key poses that had GPS, horizontal and vertical together
   std::size_t gps_factors;
-  std::string report;  ///< the solver's one line
+  bool converged;  ///< false: it ran into max_iterations
 };
 
 /** Aligns odometry with GPS (yaw and translation, closed form), then minimises over all key poses

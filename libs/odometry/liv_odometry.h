@@ -28,6 +28,7 @@ struct OdometryStep {
   BodyMotion since_last;  ///< measured motion since the scan before; zero duration at the first scan
   Registration match;     ///< against the local map; at the first scan of a track: identity, nothing matched
   bool trusted;           ///< false: the pose is dead reckoning alone
+  bool restarted;         ///< the local map was given up and begun anew with this scan
   bool by_wheels;  ///< guess and de-skew from speed and yaw rate; false: from the motion between the last
                    ///< scans
   CovarianceCloud scan;  ///< body frame at stamp_s, de-skewed, cropped, thinned
@@ -44,8 +45,6 @@ class LivOdometry {
    * is not later than the last one's. */
   OdometryStep add(const Scan& scan, const MotionHistory& history);
 
-  [[nodiscard]] std::size_t localMapVoxels() const { return x_local_map.size(); }
-
  private:
   [[nodiscard]] MotionHistory::Rates ratesOf(const Scan& scan, const MotionHistory& history,
                                              bool& by_wheels) const;
@@ -59,6 +58,8 @@ class LivOdometry {
   std::optional<double> x_last_stamp_s;
   Pose x_T_odom_body = Pose::Identity();
   BodyMotion x_last_motion;
+  bool x_ever_matched = false;
+  int x_lost_in_a_row = 0;
 };
 
 }  // namespace raceloc

@@ -80,7 +80,8 @@ std::optional<BodyMotion> MotionHistory::between(double from_s, double to_s) con
   const int steps = static_cast<int>(std::ceil(duration_s / kStep_s));
   const double step_s = steps > 0 ? duration_s / steps : 0;
   for (int i = 0; i < steps; ++i) {
-    const auto rates = ratesBetween(from_s + i * step_s, from_s + (i + 1) * step_s);
+    const double end_s = i + 1 == steps ? to_s : from_s + (i + 1) * step_s;
+    const auto rates = ratesBetween(from_s + i * step_s, end_s);
     BodyMotion step{step_s, arc(rates->speed_mps * step_s, rates->yaw_rate_rps * step_s), Matrix6d::Zero()};
     step.covariance(2, 2) = std::pow(x_options.yaw_rate_sigma_rps * step_s, 2);
     step.covariance(3, 3) = std::pow(x_options.speed_sigma_mps * step_s, 2);

@@ -81,6 +81,8 @@ void Localizer::process(const Scan& scan, std::vector<LocalizerOutput>& outputs)
     tryStart(scan, outputs);
   else if (endOfSweep(scan) > x_stamp_s)
     outputs.push_back(matchScan(scan));
+  else
+    ++x_passed_over;
 }
 
 void Localizer::take(const ImuSample& sample, std::vector<LocalizerOutput>& /*outputs*/) {
@@ -121,7 +123,8 @@ void Localizer::take(const GpsFix& fix, std::vector<LocalizerOutput>& outputs) {
 }
 
 std::optional<PoseFix> Localizer::bodyFix(const GpsFix& fix, const Receiver& receiver) const {
-  constexpr double kSameEpoch_s = 0.005;
+  constexpr double kSameEpoch_s = 0.005, kCourseMemory_s = 1.5, kWorthlessCourse_rad = 0.3;
+  constexpr double kBestHeading_rad = 1e-3;  // no INS is better, whatever it claims
   PoseFix body{
       fix.label, {}, floored(fix.cov_map_m2.topLeftCorner<2, 2>(), x_options.policy.gps_min_sigma_m)};
   Eigen::Matrix3d R_map_body = x_T_map_body.linear();
@@ -129,14 +132,18 @@ std::optional<PoseFix> Localizer::bodyFix(const GpsFix& fix, const Receiver& rec
     R_map_body = receiver.ins->T_map_body.linear();
     body.heading = HeadingKind::body;
     body.heading_rad = yawOf(receiver.ins->T_map_body);
-    body.heading_sigma_rad = std::sqrt(receiver.ins->covariance(2, 2));
-  } else if (receiver.previous && fix.stamp_s > receiver.previous->stamp_s) {
-    const Eigen::Vector3d moved = fix.p_map_antenna_m - receiver.previous->p_map_antenna_m;
-    const double speed_mps = moved.head<2>().norm() / (fix.stamp_s - receiver.previous->stamp_s);
-    if (speed_mps > x_options.policy.min_course_speed_mps) {
+    body.heading_sigma_rad = std::max(kBestHeading_rad, std::sqrt(receiver.ins->covariance(2, 2)));
+  } else if (receiver.previous && fix.stamp_s > receiver.previous->stamp_s &&
+             fix.stamp_s - receiver.previous->stamp_s < kCourseMemory_s) {
+    const Eigen::Vector2d moved_m = (fix.p_map_antenna_m - receiver.previous->p_map_antenna_m).head<2>();
+    const double speed_mps = moved_m.norm() / (fix.stamp_s - receiver.previous->stamp_s);
+    const Eigen::Vector2d across = Eigen::Vector2d(-moved_m.y(), moved_m.x()).normalized();
+    const Eigen::Matrix3d both_m2 = fix.cov_map_m2 + receiver.previous->cov_map_m2;
+    const double noise_rad = std::sqrt(across.dot(both_m2.topLeftCorner<2, 2>() * across)) / moved_m.norm();
+    if (speed_mps > x_options.policy.min_course_speed_mps && noise_rad < kWorthlessCourse_rad) {
       body.heading = HeadingKind::course;
-      body.heading_rad = std::atan2(moved.y(), moved.x());
-      body.heading_sigma_rad = x_options.policy.course_sigma_deg * M_PI / 180;
+      body.heading_rad = std::atan2(moved_m.y(), moved_m.x());
+      body.heading_sigma_rad = std::hypot(x_options.policy.course_sigma_deg * M_PI / 180, noise_rad);
       if (!started()) R_map_body = poseFromRpy(Eigen::Vector3d::Zero(), 0, 0, body.heading_rad).linear();
     }
   }
@@ -185,16 +192,29 @@ void Localizer::start(double stamp_s, const Pose& T_map_body, StartReport report
   x_start = std::move(report);
 }
 
+BodyMotion Localizer::motionBetween(double from_s, double to_s) const {
+  if (const auto motion = x_history.between(from_s, to_s)) return *motion;
+  const double duration_s = to_s - from_s;
+  BodyMotion held{duration_s,
+                  arc(x_last_rates.speed_mps * duration_s, x_last_rates.yaw_rate_rps * duration_s),
+                  Matrix6d::Zero()};
+  // Nobody brakes or steers harder than 1 g: half of it over the time, squared, along and across.
+  held.covariance.block<2, 2>(3, 3) =
+      std::pow(0.5 * 9.81 * duration_s * duration_s, 2) * Eigen::Matrix2d::Identity();
+  return held;
+}
+
 void Localizer::predictTo(double stamp_s) {
-  if (const auto motion = x_history.between(x_stamp_s, stamp_s)) {
-    constexpr double kStep_s = 0.02;
-    const int steps = static_cast<int>(std::ceil((stamp_s - x_stamp_s) / kStep_s));
-    for (int i = 0; i < steps; ++i) {
-      const double step_s = (stamp_s - x_stamp_s) / steps;
-      const auto rates = x_history.ratesBetween(x_stamp_s + i * step_s, x_stamp_s + (i + 1) * step_s);
-      x_filter->predict(step_s, rates->speed_mps, rates->yaw_rate_rps);
-    }
-    x_T_map_body = x_T_map_body * motion->T_start_end;
+  constexpr double kStep_s = 0.02;
+  const double from_s = x_stamp_s, step_s_at_most = stamp_s - from_s;
+  x_T_map_body = x_T_map_body * motionBetween(from_s, stamp_s).T_start_end;
+  x_by_wheels = x_history.between(from_s, stamp_s).has_value();
+  const int steps = static_cast<int>(std::ceil(step_s_at_most / kStep_s));
+  for (int i = 0; i < steps; ++i) {
+    const double start_s = from_s + step_s_at_most * i / steps;
+    const double end_s = i + 1 == steps ? stamp_s : from_s + step_s_at_most * (i + 1) / steps;
+    if (const auto rates = x_history.ratesBetween(start_s, end_s)) x_last_rates = *rates;
+    x_filter->predict(end_s - start_s, x_last_rates.speed_mps, x_last_rates.yaw_rate_rps);
   }
   x_stamp_s = stamp_s;
 }
@@ -208,13 +228,13 @@ std::vector<PoseFix> Localizer::takeFixes() {
     const double stamp_s = waiting.front().stamp_s;
     PoseFix body = std::move(waiting.front().body);
     waiting.pop_front();
-    const auto motion = x_history.between(stamp_s, x_stamp_s);
-    if (x_stamp_s - stamp_s > x_options.policy.max_fix_age_s || !motion) continue;
+    if (x_stamp_s - stamp_s > x_options.policy.max_fix_age_s) continue;
 
-    const double turn_rad = yawOf(motion->T_start_end);
+    const BodyMotion motion = motionBetween(stamp_s, x_stamp_s);
+    const double turn_rad = yawOf(motion.T_start_end);
     const Eigen::Rotation2Dd R_map_then(x_filter->state().mean(2) - turn_rad);
-    body.p_map_m += R_map_then * motion->T_start_end.translation().head<2>();
-    body.cov_p_m2 += R_map_then.toRotationMatrix() * motion->covariance.block<2, 2>(3, 3) *
+    body.p_map_m += R_map_then * motion.T_start_end.translation().head<2>();
+    body.cov_p_m2 += R_map_then.toRotationMatrix() * motion.covariance.block<2, 2>(3, 3) *
                      R_map_then.toRotationMatrix().transpose();
     body.heading_rad += turn_rad;
     fixes.push_back(std::move(body));
@@ -223,8 +243,7 @@ std::vector<PoseFix> Localizer::takeFixes() {
 }
 
 CovarianceCloud Localizer::prepared(const Scan& scan) {
-  const auto rates =
-      x_history.ratesBetween(scan.stamp_s, endOfSweep(scan)).value_or(MotionHistory::Rates{0, 0});
+  const auto rates = x_history.ratesBetween(scan.stamp_s, endOfSweep(scan)).value_or(x_last_rates);
   const DeskewedScan deskewed = deskew(scan, rates.speed_mps, rates.yaw_rate_rps, x_options.matching.crop);
   return withCovariances(x_context,
                          voxelGrid(x_context, deskewed.cloud, x_options.matching.odometry.scan_voxel_m),
@@ -289,7 +308,7 @@ LocalizerOutput Localizer::output() const {
   const Eigen::Vector2d cross = R * state.covariance.block<2, 1>(0, 2);
   covariance.block<2, 1>(3, 2) = cross;
   covariance.block<1, 2>(2, 3) = cross.transpose();
-  return {x_stamp_s, T, covariance, {}, std::nullopt, std::nullopt};
+  return {x_stamp_s, T, covariance, x_by_wheels, {}, std::nullopt, std::nullopt};
 }
 
 }  // namespace raceloc

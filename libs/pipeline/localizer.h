@@ -60,6 +60,7 @@ struct LocalizerOutput {
   double stamp_s;
   Pose T_map_body;
   Matrix6d covariance;  ///< right increment (rad, m); height, roll and pitch from the last trusted match
+  bool by_wheels;       ///< false: speed and yaw rate were missing and the last ones went on
   std::vector<PoseFix> fixes;            ///< what the sources said, carried forward to stamp_s
   std::optional<GateDecision> decision;  ///< none: dead reckoning, no source was due
   std::optional<ScanMatch> scan_match;   ///< when a sweep was matched
@@ -82,6 +83,9 @@ class Localizer {
 
   [[nodiscard]] bool started() const { return x_filter.has_value(); }
   [[nodiscard]] const std::optional<StartReport>& startReport() const { return x_start; }
+  [[nodiscard]] std::size_t passedOver() const {
+    return x_passed_over;
+  }  ///< sweeps that ended before the estimate's time
   [[nodiscard]] std::size_t tileLoads() const { return x_window.rebuilds(); }
 
  private:
@@ -109,8 +113,9 @@ class Localizer {
   /** Looks for the car around the fix of considerStart(). */
   void tryStart(const Scan& scan, std::vector<LocalizerOutput>& outputs);
   void start(double stamp_s, const Pose& T_map_body, StartReport report);
-  /** Dead reckoning to a later instant; the estimate stays where it is over an interval without motion data.
-   */
+  /** The car's motion by its wheels; where they say nothing, at the last speed and yaw rate. */
+  [[nodiscard]] BodyMotion motionBetween(double from_s, double to_s) const;
+  /** Dead reckoning to a later instant. */
   void predictTo(double stamp_s);
   [[nodiscard]] LocalizerOutput decide(double stamp_s, std::vector<PoseFix> fixes,
                                        std::optional<ScanMatch> scan_match);
@@ -142,6 +147,9 @@ class Localizer {
       Pose::Identity();  ///< planar part from the filter, the rest from the last trusted match
   Matrix6d x_match_covariance = Matrix6d::Zero();
   std::optional<double> x_last_match_s;
+  MotionHistory::Rates x_last_rates{0, 0};
+  bool x_by_wheels = true;
+  std::size_t x_passed_over = 0;
 };
 
 }  // namespace raceloc

@@ -9,6 +9,7 @@
 #include "cloud/voxel_grid.h"
 #include "core/errors.h"
 #include "core/labels.h"
+#include "core/statistics.h"
 #include "odometry/scan_queue.h"
 
 namespace raceloc {
@@ -85,13 +86,6 @@ std::optional<KeyAttitude> attitudeAt(const ReceiverTrack& track, double stamp_s
                      b->before.covariance.topLeftCorner<3, 3>()};
 }
 
-double median(std::vector<double> values) {
-  if (values.empty()) return 0;
-  std::nth_element(values.begin(), values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2),
-                   values.end());
-  return values[values.size() / 2];
-}
-
 /** One pass over the log: odometry, key poses and their scans, and what the receivers said. */
 class Survey {
  public:
@@ -115,7 +109,7 @@ class Survey {
   std::vector<Cloud> key_clouds;  ///< body frame, thinned to the map's spacing
   std::map<std::string, ReceiverTrack> receivers;
   Trajectory odometry;
-  std::size_t scans = 0, trusted = 0, by_wheels = 0;
+  std::size_t scans = 0, trusted = 0, by_wheels = 0, restarts = 0, passed_over = 0;
   double length_m = 0;
   std::vector<double> residuals_m, inlier_shares;
 
@@ -127,10 +121,15 @@ class Survey {
   void take(Scan scan) { x_queue.push(std::move(scan)); }
 
   void process(const Scan& scan) {
+    if (!odometry.poses.empty() && endOfSweep(scan) <= odometry.poses.back().stamp_s) {
+      ++passed_over;
+      return;
+    }
     OdometryStep step = x_odometry.add(scan, x_history);
     ++scans;
     if (step.trusted) ++trusted;
     if (step.by_wheels) ++by_wheels;
+    if (step.restarted) ++restarts;
     if (step.trusted && scans > 1) {
       residuals_m.push_back(step.match.residual_m);
       inlier_shares.push_back(step.match.inlier_share);
@@ -208,8 +207,9 @@ BuiltMap buildMap(const std::string& log_path, const MapperOptions& options, con
   survey.finish();
   if (survey.keyframes.size() < 2)
     throw InputError("rawlog " + log_path + ": the car passes only " +
-                     std::to_string(survey.keyframes.size()) +
-                     " key pose(s); a map needs two or more scans " +
+                     std::to_string(survey.keyframes.size()) + " key pose(s), with " +
+                     std::to_string(survey.trusted) + " of " + std::to_string(survey.scans) +
+                     " scans trusted; a map needs two or more " +
                      std::to_string(options.map.keyframe_distance_m) + " m apart");
 
   std::size_t attitude_factors = 0;
@@ -220,6 +220,10 @@ BuiltMap buildMap(const std::string& log_path, const MapperOptions& options, con
       if (k.attitude) ++attitude_factors;
     }
   const GraphSolution graph = solveLidarGraph(survey.keyframes, options.graph);
+  if (graph.gps_factors == 0 && mainReceiver(survey.receivers))
+    throw InputError("rawlog " + log_path + ": GPS fixes of label '" + log.gps_labels +
+                     "' are there, but none can be interpolated at a key pose; raise gps_max_gap_s (" +
+                     std::to_string(options.map.gps_max_gap_s) + ") in section [map]");
   progress(0.9);
 
   const Cloud all = inMap(survey.key_clouds, graph.T_map_body);
@@ -231,8 +235,12 @@ BuiltMap buildMap(const std::string& log_path, const MapperOptions& options, con
   built.tiles.insert(thinned.cloud, thinned.covariances.view());
 
   const std::string session = std::filesystem::path(log_path).filename().string();
-  built.info = {reader.origin(), options.map.tile_size_m, options.map.point_spacing_m,
-                tool_version,    options.iniText(),       {session}};
+  built.info = {graph.gps_factors > 0 ? reader.origin() : std::nullopt,
+                options.map.tile_size_m,
+                options.map.point_spacing_m,
+                tool_version,
+                options.iniText(),
+                {session}};
   for (std::size_t i = 0; i < survey.keyframes.size(); ++i) {
     built.key_poses.push_back({survey.keyframes[i].stamp_s, graph.T_map_body[i], session});
     built.scans.push_back(
@@ -247,15 +255,18 @@ BuiltMap buildMap(const std::string& log_path, const MapperOptions& options, con
                   attitude_factors,
                   summary.last_s - summary.first_s,
                   survey.length_m,
-                  median(survey.residuals_m),
-                  median(survey.inlier_shares),
+                  quantile(survey.residuals_m, 0.5),
+                  quantile(survey.inlier_shares, 0.5),
                   graph.gps_rmse_m,
                   graph.initial_cost,
                   graph.final_cost,
+                  graph.converged,
                   wallThickness(all),
                   thinned.cloud.size(),
                   built.tiles.tiles().size(),
-                  reader.droppedLate()};
+                  reader.droppedLate(),
+                  survey.restarts,
+                  survey.passed_over};
   progress(1.0);
   return built;
 }

@@ -46,8 +46,9 @@ struct MapReport {
   double match_residual_m;    ///< median over the trusted scans, distance of pairs across their surface
   double match_inlier_share;  ///< median
   double gps_rmse_m, graph_initial_cost, graph_final_cost;
+  bool graph_converged;
   WallThickness walls;
-  std::size_t points, tiles, dropped_late;
+  std::size_t points, tiles, dropped_late, restarts, passed_over;
 };
 
 struct BuiltMap {

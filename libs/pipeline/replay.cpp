@@ -7,6 +7,7 @@
 
 #include "core/errors.h"
 #include "core/labels.h"
+#include "core/statistics.h"
 #include "pipeline/annotated_log.h"
 
 namespace raceloc {
@@ -38,13 +39,6 @@ std::string ReplayOptions::iniText() const {
 }
 
 namespace {
-
-double quantile(std::vector<double> values, double share) {
-  if (values.empty()) return 0;
-  const auto k = static_cast<std::ptrdiff_t>(share * static_cast<double>(values.size() - 1));
-  std::nth_element(values.begin(), values.begin() + k, values.end());
-  return values[static_cast<std::size_t>(k)];
-}
 
 GeodeticPoint originOf(const MapFile& map, const std::string& path) {
   if (!map.info().origin)
@@ -85,6 +79,7 @@ class Tally {
     } else {
       ++x_report.dead_reckoned;
     }
+    if (!output.by_wheels) ++x_report.without_wheels;
     if (!output.scan_match) return;
     ++x_report.scans;
     if (!output.scan_match->trusted) return;
@@ -118,6 +113,7 @@ ReplayReport replay(const std::string& log_path, const std::string& map_path, co
   const LogSummary summary = summarizeRawlog(log_path);
   requireDevice(summary, "lidar", log.lidar_labels);
   requireDevice(summary, "gps", log.gps_labels);
+  requireDevice(summary, "vehicle", log.vehicle_labels);
 
   requireSomethingToDisable(summary, options.live.disable_labels);
 
@@ -162,12 +158,15 @@ ReplayReport replay(const std::string& log_path, const std::string& map_path, co
   tally.finish();
   report.dropped_late = reader.droppedLate();
   report.start = localizer.startReport();
+  report.passed_over = localizer.passedOver();
   report.tile_loads = localizer.tileLoads();
   if (!localizer.started())
-    throw InputError("rawlog " + log_path +
-                     ": no start: no GPS fix with a heading (from an INS pose, or two fixes at " +
-                     std::to_string(options.localizer.policy.min_course_speed_mps) +
-                     " m/s or more) among labels '" + log.gps_labels + "'");
+    throw InputError(
+        "rawlog " + log_path + ": no start among " + std::to_string(report.recorded_s) +
+        " s: neither a scan match near a fix with a heading (from an INS pose, or two fixes at " +
+        std::to_string(options.localizer.policy.min_course_speed_mps) +
+        " m/s or more), nor such fixes for start_patience_s, by GPS labelled " + log.gps_labels +
+        "; is the map of this place?");
   if (annotated) annotated->commit();
   return report;
 }

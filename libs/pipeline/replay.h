@@ -33,7 +33,7 @@ struct ReplayReport {
   double first_s, recorded_s;
   std::optional<StartReport> start;
   std::size_t scans, trusted_matches, outputs, dead_reckoned, alarms, disabled_samples, dropped_late,
-      tile_loads;
+      tile_loads, without_wheels, passed_over;
   std::size_t rule_counts[5];                                     ///< decisions by GateRule; [0] is unused
   double match_residual_m, match_inlier_share, match_iterations;  ///< medians over the trusted matches
   double match_p99_s, match_median_s;  ///< wall time from a sweep's samples to its pose

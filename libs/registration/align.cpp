@@ -35,28 +35,11 @@ Registration align(gpu::Context& context, const CovarianceCloud& source, const g
   // A direction without information gets a large, finite variance: the ridge is 1e-6 of a point's.
   const Eigen::SelfAdjointEigenSolver<Matrix6d> eigen(H);
   const Vector6d information = eigen.eigenvalues().cwiseMax(1e-6);
-  r.weakest = eigen.eigenvectors().col(0);
   const Matrix6d inverse =
       eigen.eigenvectors() * information.cwiseInverse().asDiagonal() * eigen.eigenvectors().transpose();
   r.covariance =
       floored(options.covariance_scale * inverse, options.min_sigma_deg * M_PI / 180, options.min_sigma_m);
   return r;
-}
-
-std::string nameOf(gpu::Stop stop) {
-  switch (stop) {
-    case gpu::Stop::converged:
-      return "converged";
-    case gpu::Stop::max_iterations:
-      return "max_iterations";
-    case gpu::Stop::too_few_inliers:
-      return "too_few_inliers";
-    case gpu::Stop::singular:
-      return "singular";
-    case gpu::Stop::not_finite:
-      return "not_finite";
-  }
-  return "unknown";
 }
 
 }  // namespace raceloc

@@ -4,8 +4,6 @@
 
 #include <raceloc/gpu/voxel_map.h>
 
-#include <string>
-
 #include "cloud/covariances.h"
 #include "registration/gicp_options.h"
 
@@ -17,7 +15,6 @@ struct Registration {
   Matrix6d covariance;  ///< of the pose, right increment (rad, m), scaled and floored as GicpOptions say
   double inlier_share;  ///< source points with a pair, 0..1
   double residual_m;    ///< root mean square distance of the pairs across their surface
-  Vector6d weakest;     ///< unit direction (rad, m) that the pairs fix least, e.g. along a straight
   int iterations;
   gpu::Stop stop;
   [[nodiscard]] bool trusted(const GicpOptions& options) const {
@@ -35,8 +32,5 @@ struct Registration {
 [[nodiscard]] Registration align(gpu::Context& context, const CovarianceCloud& source,
                                  const gpu::VoxelMap& target, const Pose& T_target_source_guess,
                                  const GicpOptions& options);
-
-/** "converged", "max_iterations", ... for people. */
-[[nodiscard]] std::string nameOf(gpu::Stop stop);
 
 }  // namespace raceloc

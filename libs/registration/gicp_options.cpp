@@ -10,7 +10,8 @@ void GicpOptions::describe(OptionList& keys) {
   keys.add("translation_epsilon_m", translation_epsilon_m, above(0),
            "converged when a step is shorter [m] ...");
   keys.add("rotation_epsilon_deg", rotation_epsilon_deg, above(0), "... and turns less [deg]");
-  keys.add("neighbour_voxels", neighbour_voxels, between(1, 27), "voxels tried around a point: 1, 7 or 27");
+  keys.add("neighbour_voxels", neighbour_voxels, {{"1", 1}, {"7", 7}, {"27", 27}},
+           "voxels tried around a point");
   keys.add("robust_width", robust_width, atLeast(0),
            "width of the Cauchy loss in sigmas; 0: plain least squares");
   keys.add("max_distance_m", max_distance_m, above(0), "pairs farther apart do not count [m]");

@@ -7,7 +7,7 @@
 namespace raceloc {
 
 void SearchOptions::describe(OptionList& keys) {
-  keys.add("radius_m", radius_m, atLeast(0),
+  keys.add("radius_m", radius_m, between(0, 200),
            "how far from the receiver's position the car is looked for [m]");
   keys.add("step_m", step_m, above(0.1), "distance between guesses [m]; about what a match can bridge");
   keys.add("finalists", finalists, between(1, 100), "guesses that are matched in full");

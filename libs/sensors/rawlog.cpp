@@ -290,6 +290,19 @@ std::optional<Sample> LogReader::next() {
   return std::move(first.mapped());
 }
 
+namespace {
+
+bool isFinite(const InsPose& s) { return s.T_map_body.matrix().allFinite() && s.covariance.allFinite(); }
+bool isFinite(const ImuSample& s) {
+  return s.gyro_body_rps.allFinite() && s.specific_force_body_mps2.allFinite();
+}
+bool isFinite(const MotionSample& s) { return std::isfinite(s.speed_mps) && std::isfinite(s.yaw_rate_rps); }
+
+bool isFinite(const GpsFix& /*screened where it is read*/) { return true; }
+bool isFinite(const Scan& /*its points are*/) { return true; }
+
+}  // namespace
+
 void LogReader::take(const CObservation& observation) {
   if (const auto* comment = dynamic_cast<const CObservationComment*>(&observation)) {
     if (!x_header_origin) x_header_origin = originIn(*comment);
@@ -302,7 +315,8 @@ void LogReader::take(const CObservation& observation) {
   auto sample = decoded(observation);
   if (!sample) return;
   const double stamp_s = stampOf(*sample);
-  if (observation.timestamp == INVALID_TIMESTAMP || stamp_s < x_last_out_s) {
+  const bool sound = std::visit([](const auto& known) { return isFinite(known); }, *sample);
+  if (!sound || observation.timestamp == INVALID_TIMESTAMP || stamp_s < x_last_out_s) {
     ++x_dropped;
     return;
   }

@@ -69,7 +69,8 @@ void requireDevice(const LogSummary& summary, const std::string& kind, const std
 /** Streams the samples of a log in order of time; equal stamps keep the order of the file.
  *
  * Samples wait until one that is `reorder_window_s` younger has been read. One that comes later than that,
- * when a younger one has already gone out, is dropped and counted, and so is one without a stamp.
+ * when a younger one has already gone out, is dropped and counted, and so is one without a stamp or with a
+ * value that is not finite.
  *
  * The map frame is that of `map_origin` when given, else of the header's origin, else of the first GGA with a
  * fix (known only once next() has met it). INS poses are in the frame of the header's origin, and are skipped
