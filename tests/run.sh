@@ -42,6 +42,7 @@ main_tests() {
 
 sanitized_tests() {  # only what is labelled `fast`
   local -x ASAN_OPTIONS=detect_leaks=1:strict_string_checks=1 UBSAN_OPTIONS=print_stacktrace=1:halt_on_error=1
+  local -x LSAN_OPTIONS=suppressions=$PWD/tests/support/leaks.supp:print_suppressions=0
   cmake -G Ninja -S . -B "$sanitized" -DCMAKE_BUILD_TYPE=Debug -DCMAKE_CXX_FLAGS_DEBUG=-O1 -DRACELOC_TESTS=ON \
     -DRACELOC_CUDA=OFF -DRACELOC_SANITIZE=address,undefined &&
     cmake --build "$sanitized" -j "$jobs" --target fast_tests &&

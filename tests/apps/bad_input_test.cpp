@@ -9,7 +9,9 @@
 
 #include <algorithm>
 #include <filesystem>
+#include <fstream>
 #include <regex>
+#include <sstream>
 
 #include "apps/apps.h"
 
@@ -354,6 +356,17 @@ TEST_P(CommandLines, NoArgumentIsRefused) { expectRefused({app(GetParam())}, {})
 
 TEST_P(CommandLines, UnknownOptionIsNamed) {
   expectRefused({app(GetParam()), "--frobnicate"}, {"--frobnicate"});
+}
+
+TEST(ShippedIni, HoldsEveryOptionAtItsDefault) {
+  for (const std::string name : {"map", "live"}) {
+    const auto printed = runCommand({app("raceloc-" + name), "--print-ini"});
+    EXPECT_EQ(printed.exit_code, 0);
+    std::ifstream in(INI + name + ".ini");
+    std::stringstream shipped;
+    shipped << in.rdbuf();
+    EXPECT_THAT(shipped.str(), ::testing::EndsWith("\n\n" + printed.out));  // behind its title
+  }
 }
 
 }  // namespace

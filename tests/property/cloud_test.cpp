@@ -1,5 +1,7 @@
 #include <gmock/gmock.h>
 
+#include <limits>
+
 #include "cloud/covariances.h"
 #include "cloud/deskew.h"
 #include "core/errors.h"
@@ -69,20 +71,30 @@ TEST(ArcProperty, IsTheEndOfManySmallSteps) {
   });
 }
 
-TEST(CropProperty, NothingOfTheOwnCarAndNothingOutOfRangeIsLeft) {
+TEST(CropProperty, KeepsExactlyWhatIsInRangeAndNotTheOwnCar) {
   forAll(100, [](Random& rnd) {
-    auto seen = drive(rnd, 10, 0.1);
-    seen.scan.cloud.x[3] = std::numeric_limits<float>::quiet_NaN();
-    seen.scan.T_body_lidar = rnd.pose(3.0, 1.0);
+    Scan scan{100, "lidar", rnd.pose(3.0, 1.0), {}, {}, {}};
     const CropOptions crop{2, 60, 4, 1, 1};
-    const DeskewedScan deskewed = deskew(seen.scan, 10, 0.1, crop);
-    EXPECT_LT(deskewed.cloud.size(), seen.scan.cloud.size());
-    for (std::size_t i = 0; i < deskewed.cloud.size(); ++i) {
-      const Eigen::Vector3f p = deskewed.cloud.point(i);
-      EXPECT_TRUE(p.allFinite());
-      EXPECT_FALSE(p.x() > -1 && p.x() < 4 && std::abs(p.y()) < 1);
+    std::vector<Eigen::Vector3d> kept_m;
+    for (int i = 0; i < 300; ++i) {
+      const Eigen::Vector3d p_lidar_m = rnd.vectorWithin(rnd.oneOf({3.0, 80.0})).cast<float>().cast<double>();
+      scan.cloud.push(p_lidar_m.cast<float>());
+      const Eigen::Vector3d p_body_m = scan.T_body_lidar * p_lidar_m;
+      const bool own_car = p_body_m.x() > -1 && p_body_m.x() < 4 && std::abs(p_body_m.y()) < 1;
+      if (p_lidar_m.norm() >= 2 && p_lidar_m.norm() <= 60 && !own_car) kept_m.push_back(p_body_m);
     }
+    scan.cloud.push({std::numeric_limits<float>::quiet_NaN(), 10, 0});
+    const DeskewedScan cropped = deskew(scan, 0, 0, crop);
+    ASSERT_EQ(cropped.cloud.size(), kept_m.size());
+    for (std::size_t i = 0; i < kept_m.size(); ++i)  // float at 60 m
+      EXPECT_LT((cropped.cloud.point(i).cast<double>() - kept_m[i]).norm(), 2e-5);
   });
+}
+
+TEST(Deskew, TakesSweepsOfAMicrosecondAtStampsOfToday) {
+  Scan scan{1.7e9, "lidar", Pose::Identity(), {}, {0.0F, 3e-7F, -2e-7F}, {}};
+  for (int i = 0; i < 3; ++i) scan.cloud.push({10, 2, 1});
+  EXPECT_EQ(deskew(scan, 70, 1, everything()).cloud.size(), 3U);
 }
 
 TEST(TransformProperty, GoesToTheKernelsAndBackUnchanged) {

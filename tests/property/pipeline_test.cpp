@@ -157,6 +157,16 @@ TEST_F(LocalizerTest, WhenAllSourcesLieTheAlarmIsUp) {
   EXPECT_LT(worstError_m(outputs), kMatch_m + 0.01 * 3 * kSpeed_mps);
 }
 
+TEST_F(LocalizerTest, WhenTheWheelsFallSilentItGoesOnAndSaysSo) {
+  const auto outputs = drive([](Sample& sample, Random&) {
+    return stampOf(sample) < 1 || !std::holds_alternative<MotionSample>(sample);
+  });
+  EXPECT_NEAR(outputs.back().stamp_s, kEnd_s, 0.11);
+  EXPECT_LT(worstError_m(outputs), kMatch_m);
+  EXPECT_TRUE(outputs.front().by_wheels);
+  EXPECT_FALSE(outputs.back().by_wheels);
+}
+
 TEST_F(LocalizerTest, BeforeItHasAHeadingItSaysNothing) {
   const auto outputs = drive([](Sample& sample, Random&) {
     if (auto* fix = std::get_if<GpsFix>(&sample))

@@ -1,7 +1,10 @@
 #include <gtest/gtest.h>
 
+#include <Eigen/Eigenvalues>
+
 #include "cloud/voxel_grid.h"
 #include "registration/align.h"
+#include "registration/search.h"
 #include "support/room.h"
 
 namespace raceloc {
@@ -41,6 +44,28 @@ TEST(AlignProperty, FindsTheCarFromADisturbedGuess) {
   });
 }
 
+TEST(SearchProperty, FindsTheCarFromMetresAway) {
+  forAll(3, [](Random& rnd) {
+    Street street(static_cast<unsigned>(rnd.integer(1, 1'000'000)));
+    const Pose T_map_body =
+        poseFromRpy({rnd.uniform(-10, 10), rnd.uniform(-3, 3), 1}, 0, 0, rnd.uniform(-3, 3));
+    const Eigen::Translation3d away_m(rnd.uniform(-3, 3), rnd.uniform(-12, 12),
+                                      0);  // posts repeat every 7 m along x
+    const Registration r = alignWithSearch(street.context, street.scanFrom(T_map_body), street.target,
+                                           away_m * T_map_body, {}, {15});
+    EXPECT_TRUE(r.trusted({}));
+    EXPECT_LT((T_map_body.inverse() * r.T_target_source).translation().norm(), 0.05);  // as above
+  });
+}
+
+TEST(Search, SaysWhenNothingFits) {
+  Street street(5);
+  const CovarianceCloud scan = street.scanFrom(Pose::Identity());
+  const Registration r =
+      alignWithSearch(street.context, scan, street.target, Pose(Eigen::Translation3d(500, 0, 0)), {}, {15});
+  EXPECT_FALSE(r.trusted({}));
+}
+
 TEST(AlignProperty, IsNotFooledByAnotherPlace) {
   Street street(7);
   Random rnd(8);
@@ -56,6 +81,9 @@ TEST(AlignProperty, CovarianceIsSymmetricPositiveAndAtLeastTheFloor) {
   const Registration r =
       align(street.context, street.scanFrom(Pose::Identity()), street.target, Pose::Identity(), options);
   EXPECT_TRUE(r.covariance.isApprox(r.covariance.transpose(), 1e-12));
+  EXPECT_GT(r.covariance.selfadjointView<Eigen::Lower>().eigenvalues().minCoeff(), 0);
+  const double floor_rad = options.min_sigma_deg * M_PI / 180;
+  for (int axis = 0; axis < 3; ++axis) EXPECT_GE(r.covariance(axis, axis), floor_rad * floor_rad);
   for (int axis = 3; axis < 6; ++axis)
     EXPECT_GE(r.covariance(axis, axis), options.min_sigma_m * options.min_sigma_m);
 }
