@@ -17,9 +17,10 @@ struct CropOptions {
   void describe(OptionList& keys);
 };
 
-/** Keeps point i? Range is from the sensor, the box of the own car is in the body frame; a point that is not
- * finite is out. \param p_lidar_m the point as the sensor gave it \param p_body_m  the same point in the body
- * frame */
+/** Whether a point is kept. Range is from the sensor, the box of the own car is in the body frame; a point that is not
+ * finite is out.
+ * \param p_lidar_m the point as the sensor gave it
+ * \param p_body_m  the same point in the body frame */
 [[nodiscard]] bool isInside(const Eigen::Vector3f& p_lidar_m, const Eigen::Vector3f& p_body_m,
                             const CropOptions& options);
 

@@ -1,13 +1,11 @@
 /** \file
  * MRPT rawlogs, read and written as the samples of core/samples.h.
  *
- * | sample       | in the rawlog |
- * |--------------|--------------------------------------------------------------------------------------------------|
- * | Scan         | see sensors/lidar_conversion.h | | GpsFix       | CObservationGPS: GGA (position, height
- * above the ellipsoid) and BESTPOS (sigmas east, north, up) | | InsPose      | CObservationRobotPose, label +
- * `_pose`, in the map frame of the header's origin                  | | ImuSample    | CObservationIMU | |
- * MotionSample | CObservationOdometry.velocityLocal; with steering, also CObservationRawDAQ {speed, steering}
- * |
+ *  - Scan: see sensors/lidar_conversion.h;
+ *  - GpsFix: CObservationGPS with GGA (position, height above the ellipsoid) and BESTPOS (sigmas east, north, up);
+ *  - InsPose: CObservationRobotPose, label + `_pose`, in the map frame of the header's origin;
+ *  - ImuSample: CObservationIMU;
+ *  - MotionSample: CObservationOdometry.velocityLocal; with steering, also CObservationRawDAQ {speed, steering}.
  *
  * The header is a CObservationComment with the origin of the map frame as ini text. */
 #pragma once
