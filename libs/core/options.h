@@ -117,6 +117,11 @@ class IniFile {
   /** All `key = value` pairs of a free-form section, sorted by key: for column maps and the like. */
   [[nodiscard]] std::vector<std::pair<std::string, std::string>> pairs(const std::string& section);
 
+  /** Names of the sections, sorted; `prefix` keeps those that begin with it. */
+  [[nodiscard]] std::vector<std::string> sections(const std::string& prefix = "") const;
+
+  [[nodiscard]] const std::string& path() const { return x_path; }
+
   /** \throws InputError if the file has a section that nobody loaded. Call it last. */
   void rejectUnknownSections() const;
 

@@ -11,6 +11,12 @@
 
 namespace raceloc {
 
+/** Speed and course over ground, as NMEA RMC has them. */
+struct GroundVelocity {
+  double speed_mps;
+  double course_rad;  ///< direction of travel, 0 = east, counter-clockwise
+};
+
 /** One GNSS fix, already in the map frame. Built whole: no field has a default that could be believed. */
 struct GpsFix {
   double stamp_s;                    ///< receiver time [s since the epoch, UTC]
@@ -19,6 +25,7 @@ struct GpsFix {
   Eigen::Matrix3d cov_map_m2;        ///< its covariance, symmetric positive definite
   Eigen::Vector3d p_body_antenna_m;  ///< lever arm
   int fix_quality;  ///< as in NMEA GGA: 1 single, 2 DGPS, 4 RTK fixed, 5 RTK float, 6 dead reckoning
+  std::optional<GroundVelocity> velocity = std::nullopt;  ///< of the antenna; when the receiver has it
 };
 
 /** Attitude and position as a receiver's own INS reports them. */
