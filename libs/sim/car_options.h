@@ -37,12 +37,13 @@ struct CarOptions {
 /** Section [driver]. */
 struct DriverOptions {
   double margin_m = 2;
-  double grip_share = 0.85;
+  double grip_share = 0.75;
   double acceleration_limit_mps2 = 8;
   double braking_limit_mps2 = 14;
-  double lookahead_s = 0.35;
+  double lookahead_s = 0.4;
   double lookahead_min_m = 6;
-  double steering_gain_deg_per_m = 0.5;
+  double steering_gain_deg_per_m = 12;
+  double yaw_damping_s = 0.2;
   double wander_m = 0.3;
   double wander_length_m = 300;
   void describe(OptionList& keys);

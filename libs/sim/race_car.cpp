@@ -12,11 +12,15 @@ constexpr double kSpring_s = 0.12;      // the body follows the forces with this
 constexpr double kSlipSpeed_mps = 1.5;  // slip angles are taken at no less: they have no meaning at rest
 constexpr double kRough_mps = 30;       // vibrations are full from this speed on
 
-/** Lateral force of an axle [N] under `load_n`, with the longitudinal force `along_n` on it. */
-double lateralForce(const CarOptions& car, double slip_rad, double load_n, double along_n) {
+/** Lateral force of an axle [N] under `load_n`. */
+double lateralForce(const CarOptions& car, double slip_rad, double load_n) {
+  return -car.friction * load_n * std::sin(car.tyre_c * std::atan(car.tyre_b * slip_rad));
+}
+
+/** What the friction circle leaves along the car beside the lateral force [N]. */
+double leftForDriving(const CarOptions& car, double load_n, double across_n) {
   const double largest_n = car.friction * load_n;
-  const double left_over = std::sqrt(std::max(0.0, largest_n * largest_n - along_n * along_n));
-  return -left_over * std::sin(car.tyre_c * std::atan(car.tyre_b * slip_rad));
+  return std::sqrt(std::max(0.0, largest_n * largest_n - across_n * across_n));
 }
 
 }  // namespace
@@ -83,22 +87,21 @@ RaceCar::Rates RaceCar::ratesAt(const CarState& x, double pull_mps2) const {
   const double rear_n = std::max(0.0, weight_n * x_car.front_m / x_car.wheelbase_m + shifted_n +
                                           pressure * x_car.downforce_area_rear_m2);
 
-  // The engine pulls at the rear; brakes act on both axles by their load. A tyre never gives more than its friction.
-  constexpr double kMostAlong = 0.95;  // of the friction, so that some steering is left
-  const double wanted_n = x_car.mass_kg * pull_mps2;
-  const double total_n = std::max(1.0, front_n + rear_n);
-  const double most_front_n = kMostAlong * x_car.friction * front_n,
-               most_rear_n = kMostAlong * x_car.friction * rear_n;
-  const double front_along_n = wanted_n < 0 ? std::max(wanted_n * front_n / total_n, -most_front_n) : 0;
-  const double rear_along_n =
-      wanted_n < 0 ? std::max(wanted_n * rear_n / total_n, -most_rear_n) : std::min(wanted_n, most_rear_n);
-
   const double rolling_mps = std::max(x.forward_mps, kSlipSpeed_mps);
   const double front_slip_rad =
       std::atan2(x.leftward_mps + x_car.wheelbase_m * x.yaw_rate_rps, rolling_mps) - x.steering_rad;
   const double rear_slip_rad = std::atan2(x.leftward_mps, rolling_mps);
-  const double front_across_n = lateralForce(x_car, front_slip_rad, front_n, front_along_n);
-  const double rear_across_n = lateralForce(x_car, rear_slip_rad, rear_n, rear_along_n);
+  const double front_across_n = lateralForce(x_car, front_slip_rad, front_n);
+  const double rear_across_n = lateralForce(x_car, rear_slip_rad, rear_n);
+  // The engine pulls at the rear; brakes act on both axles by their load. The driver's foot takes no more than
+  // steering leaves of the friction circle, so that no axle is ever beyond it.
+  const double wanted_n = x_car.mass_kg * pull_mps2;
+  const double most_front_n = leftForDriving(x_car, front_n, front_across_n);
+  const double most_rear_n = leftForDriving(x_car, rear_n, rear_across_n);
+  const double total_n = std::max(1.0, front_n + rear_n);
+  const double front_along_n = wanted_n < 0 ? std::max(wanted_n * front_n / total_n, -most_front_n) : 0;
+  const double rear_along_n =
+      wanted_n < 0 ? std::max(wanted_n * rear_n / total_n, -most_rear_n) : std::min(wanted_n, most_rear_n);
   const auto use = [&](double along_n, double across_n, double load_n) {
     return load_n > 0 ? std::hypot(along_n, across_n) / (x_car.friction * load_n) : 0;
   };
@@ -131,19 +134,27 @@ double RaceCar::wantedSteering(const SurfacePoint& here) const {
   const auto line = x_line.at(x.s_m);
   constexpr double kReaction_s = 0.1;
   const auto soon = x_line.at(x.s_m + kReaction_s * v / std::max(0.2, here.stretch));
-  const double across_mps2 =
-      v * v * soon.curvature_per_m + kGravity_mps2 * (here.T_map_surface.linear()(2, 1));
-  const double stiffness = x_car.friction * x_car.tyre_b * x_car.tyre_c;  // force over load, per radian
-  const double load_mps2 =
-      std::max(1.0, kGravity_mps2 + 0.5 * kAirDensity_kgpm3 * v * v *
-                                        (x_car.downforce_area_front_m2 + x_car.downforce_area_rear_m2) /
-                                        x_car.mass_kg);
-  const double settled_rad = -across_mps2 / (stiffness * load_mps2);  // sideslip at the rear axle
-  const double offset_m = x.n_m - line.n_m - wander_m(x.s_m);
-  const double heading_error_rad = x.heading_rad + settled_rad - line.direction_rad;
   const double feedback = kDegree * x_driver.steering_gain_deg_per_m * 10 / std::max(v, 10.0);
-  return std::atan(x_car.wheelbase_m * soon.curvature_per_m) -
-         feedback * (offset_m + ahead_m * std::sin(heading_error_rad));
+  // What the tyres need in the steady turn: the Magic Formula, inverted, per axle.
+  const double across_mps2 =
+      v * v * soon.curvature_per_m + kGravity_mps2 * here.T_map_surface.linear()(2, 1);
+  const double pressure = 0.5 * kAirDensity_kgpm3 * v * v / x_car.mass_kg;
+  const double weight_mps2 =
+      v * v * soon.dip_per_m + kGravity_mps2 * here.T_map_surface.linear()(2, 2);
+  const auto slip = [&](double share, double downforce_area_m2) {
+    constexpr double kMostUse = 0.98;
+    const double load_mps2 = std::max(0.1, share * weight_mps2 + pressure * downforce_area_m2);
+    const double use = std::clamp(share * across_mps2 / (x_car.friction * load_mps2), -kMostUse, kMostUse);
+    return -std::tan(std::asin(use) / x_car.tyre_c) / x_car.tyre_b;
+  };
+  const double front_share = 1 - x_car.front_m / x_car.wheelbase_m;
+  const double front_rad = slip(front_share, x_car.downforce_area_front_m2);
+  const double rear_rad = slip(1 - front_share, x_car.downforce_area_rear_m2);  // the settled sideslip
+  const double offset_m = x.n_m - line.n_m - wander_m(x.s_m);
+  const double heading_error_rad = x.heading_rad + rear_rad - line.direction_rad;
+  return std::atan(x_car.wheelbase_m * soon.curvature_per_m) + rear_rad - front_rad -
+         feedback * (offset_m + ahead_m * std::sin(heading_error_rad)) -
+         x_driver.yaw_damping_s * (x.yaw_rate_rps - v * soon.curvature_per_m);
 }
 
 double RaceCar::wantedPull() const {
