@@ -81,7 +81,7 @@ FaultKind readKind(IniFile& ini, const std::string& section) {
 }
 
 /** "to_s = 5", spelled as its key. */
-std::string valueOf(Fault fault, const std::string& key) {
+std::string valueOf(const Fault& fault, const std::string& key) {
   const std::string text = "\n" + iniText(fault.section, fault);
   const auto begin = text.find("\n" + key + " = ") + 1;
   return text.substr(begin, text.find('\n', begin) - begin);

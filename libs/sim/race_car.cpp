@@ -136,11 +136,9 @@ double RaceCar::wantedSteering(const SurfacePoint& here) const {
   const auto soon = x_line.at(x.s_m + kReaction_s * v / std::max(0.2, here.stretch));
   const double feedback = kDegree * x_driver.steering_gain_deg_per_m * 10 / std::max(v, 10.0);
   // What the tyres need in the steady turn: the Magic Formula, inverted, per axle.
-  const double across_mps2 =
-      v * v * soon.curvature_per_m + kGravity_mps2 * here.T_map_surface.linear()(2, 1);
+  const double across_mps2 = v * v * soon.curvature_per_m + kGravity_mps2 * here.T_map_surface.linear()(2, 1);
   const double pressure = 0.5 * kAirDensity_kgpm3 * v * v / x_car.mass_kg;
-  const double weight_mps2 =
-      v * v * soon.dip_per_m + kGravity_mps2 * here.T_map_surface.linear()(2, 2);
+  const double weight_mps2 = v * v * soon.dip_per_m + kGravity_mps2 * here.T_map_surface.linear()(2, 2);
   const auto slip = [&](double share, double downforce_area_m2) {
     constexpr double kMostUse = 0.98;
     const double load_mps2 = std::max(0.1, share * weight_mps2 + pressure * downforce_area_m2);
@@ -171,14 +169,18 @@ double RaceCar::wantedPull() const {
                     std::min(engine, x_driver.acceleration_limit_mps2));
 }
 
-void RaceCar::step() {
+void RaceCar::step(bool drive) {
   const SurfacePoint here = x_track.surface(x_state.s_m, x_state.n_m);
   const double most_rad = kDegree * x_car.max_steering_deg;
   const double most_step_rad = kDegree * x_car.max_steering_rate_dps * kStep_s;
   const double wanted_rad = std::clamp(wantedSteering(here), -most_rad, most_rad);
   x_state.steering_rad += std::clamp(wanted_rad - x_state.steering_rad, -most_step_rad, most_step_rad);
-  const double pull_mps2 = wantedPull();
+  if (drive) roll(wantedPull());
+  x_state.time_s = static_cast<double>(++x_steps) * kStep_s;
+  sway();
+}
 
+void RaceCar::roll(double pull_mps2) {
   const auto moved = [](CarState x, const Rates& d, double dt_s) {
     x.s_m += dt_s * d.s;
     x.n_m += dt_s * d.n;
@@ -196,8 +198,6 @@ void RaceCar::step() {
   x_state.front_friction_use = middle.front_use;
   x_state.rear_friction_use = middle.rear_use;
   x_state.wheel_slip = middle.slip;
-  x_state.time_s = static_cast<double>(++x_steps) * kStep_s;
-  sway();
 }
 
 void RaceCar::sway() {

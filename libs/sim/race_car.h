@@ -44,8 +44,8 @@ class RaceCar {
   RaceCar(const Track& track, const RacingLine& line, const SpeedProfile& profile, const CarOptions& car,
           const DriverOptions& driver, double start_mps, std::uint64_t seed);
 
-  /** One step of kStep_s. */
-  void step();
+  /** One step of kStep_s. \param drive  false: held where it is, for a car that stands on the grid */
+  void step(bool drive = true);
   [[nodiscard]] const CarState& state() const { return x_state; }
   static constexpr double kStep_s = 0.001;
 
@@ -58,6 +58,7 @@ class RaceCar {
   [[nodiscard]] double wantedSteering(const SurfacePoint& here) const;
   [[nodiscard]] double wantedPull() const;
   [[nodiscard]] double wander_m(double s_m) const;
+  void roll(double pull_mps2);
   void sway();
 
   const Track& x_track;

@@ -1,0 +1,47 @@
+/** \file
+ * Other cars. */
+#pragma once
+
+#include <vector>
+
+#include "sim/race_car.h"
+
+namespace raceloc {
+
+/** A box that a LiDAR sees. */
+struct Box {
+  Pose T_map_box;  ///< its centre
+  Eigen::Vector3d half_m;
+};
+
+/** First distance along a ray to one of the boxes, with the cosine of incidence; range 0 if it meets none.
+ * \param direction_map of unit length */
+struct BoxHit {
+  double range_m = 0, cosine = 0;
+};
+[[nodiscard]] BoxHit firstHit(const std::vector<Box>& boxes, const Eigen::Vector3d& origin_map_m,
+                              const Eigen::Vector3d& direction_map);
+
+/** Cars that drive the same circuit a little slower, each beside the racing line, exactly at the speed
+ * profile's pace. */
+class Traffic {
+ public:
+  /** \param cars     of the size of `car`, spread over the lap ahead of the start line */
+  Traffic(const Track& track, const RacingLine& line, const SpeedProfile& profile, const CarOptions& car,
+          int cars, std::uint64_t seed);
+  [[nodiscard]] bool empty() const { return x_drivers.empty(); }
+  /** Body and wing of each car at a time since the start. */
+  [[nodiscard]] std::vector<Box> at(double time_s) const;
+
+ private:
+  struct Driver {
+    double start_s, pace, beside_m;
+  };
+  const Track& x_track;
+  const RacingLine& x_line;
+  const SpeedProfile& x_profile;
+  CarOptions x_car;
+  std::vector<Driver> x_drivers;
+};
+
+}  // namespace raceloc
