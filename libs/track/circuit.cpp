@@ -16,7 +16,8 @@ namespace raceloc {
 namespace {
 
 constexpr double kDegree = M_PI / 180;
-constexpr double kGrid_m = 0.5;          // of the profiles along the segments
+constexpr double kGrid_m = 0.5;  // of the profiles along the segments
+constexpr std::size_t kCells_per_point = 4;
 constexpr double kMaxMiss_share = 0.01;  // of the length, or of a full turn
 constexpr double kMaxLength_m = 100'000;
 
@@ -74,7 +75,8 @@ struct Header {
     keys.add("origin_height_m", origin_height_m, between(-500, 6000),
              "of the start line above the ellipsoid [m]");
     keys.add("start_heading_deg", start_heading_deg, between(-360, 360),
-             "compass direction of driving at the start line, clockwise from north [deg]");
+             "compass direction of driving at the start line, clockwise from north; not used with "
+             "centreline_csv, whose x is east [deg]");
     keys.add("transition_m", transition_m, between(0, 500),
              "turns and banks begin and end over this length [m]");
     keys.add("post_spacing_m", post_spacing_m, between(1, 100), "between the posts of catch-fences [m]");
@@ -109,24 +111,30 @@ struct Profiles {
 };
 
 Profiles profilesOf(const std::vector<Segment>& segments, double length_m, double transition_m) {
-  const auto n = static_cast<std::size_t>(std::ceil(length_m / kGrid_m));
+  // A whole number of points of the line, so that the last gap of the loop is as long as the others.
+  const auto n =
+      kCells_per_point * static_cast<std::size_t>(std::ceil(length_m / (kCells_per_point * kGrid_m)));
   Profiles p;
   p.step_m = length_m / static_cast<double>(n);
   for (auto* profile : {&p.curvature_per_m, &p.bank_rad, &p.grade, &p.right_m, &p.left_m}) profile->resize(n);
-  std::size_t k = 0;
+  // Means over the cells, not values at their middles: a turn keeps its total angle to the last digit.
   double begin_m = 0;
-  for (std::size_t i = 0; i < n; ++i) {
-    const double s_m = (static_cast<double>(i) + 0.5) * p.step_m;
-    while (k + 1 < segments.size() && s_m >= begin_m + segments[k].length_m)
-      begin_m += segments[k++].length_m;
-    const Segment& segment = segments[k];
-    const double share = segment.length_m > 0 ? (s_m - begin_m) / segment.length_m : 0;
-    p.curvature_per_m[i] = segment.curvature_per_m();
-    p.bank_rad[i] =
-        kDegree * (segment.bank_start_deg + share * (segment.bank_end_deg - segment.bank_start_deg));
-    p.grade[i] = segment.grade_percent / 100;
-    p.right_m[i] = segment.right_m;
-    p.left_m[i] = segment.left_m;
+  for (const auto& segment : segments) {
+    const double end_m = begin_m + segment.length_m;
+    for (auto i = static_cast<std::size_t>(begin_m / p.step_m); i < n; ++i) {
+      const double from_m = std::max(begin_m, static_cast<double>(i) * p.step_m);
+      const double to_m = std::min(end_m, static_cast<double>(i + 1) * p.step_m);
+      if (from_m >= end_m) break;
+      const double share = std::max(0.0, to_m - from_m) / p.step_m;
+      const double along = (0.5 * (from_m + to_m) - begin_m) / segment.length_m;
+      p.curvature_per_m[i] += share * segment.curvature_per_m();
+      p.bank_rad[i] += share * kDegree *
+                       (segment.bank_start_deg + along * (segment.bank_end_deg - segment.bank_start_deg));
+      p.grade[i] += share * segment.grade_percent / 100;
+      p.right_m[i] += share * segment.right_m;
+      p.left_m[i] += share * segment.left_m;
+    }
+    begin_m = end_m;
   }
   const auto half = std::min(static_cast<std::size_t>(transition_m / 4 / p.step_m), (n - 1) / 2);
   for (auto* profile : {&p.curvature_per_m, &p.bank_rad, &p.grade, &p.right_m, &p.left_m})
@@ -185,8 +193,7 @@ ClosedLine closed(Profiles p, double length_m, double start_rad, const std::stri
 
   ClosedLine result{{}, miss};
   const std::size_t n = p.grade.size();
-  const auto every = static_cast<std::size_t>(std::max(1.0, std::round(2 / p.step_m)));  // a point each 2 m
-  for (std::size_t i = 0; i + every / 2 < n; i += every) {
+  for (std::size_t i = 0; i < n; i += kCells_per_point) {
     const std::size_t before = (i + n - 1) % n;
     const auto here = [&](const Profile& profile) { return 0.5 * (profile[before] + profile[i]); };
     result.points.push_back({line[i] - static_cast<double>(i) / static_cast<double>(n) * line.back(),
@@ -223,9 +230,17 @@ void addBarriers(const std::vector<Segment>& segments, Side side, double scale,
   }
 }
 
+/** In the order of their numbers, also where these are not padded: x_9 before x_10. */
+std::vector<std::string> numbered(std::vector<std::string> sections) {
+  std::sort(sections.begin(), sections.end(), [](const std::string& a, const std::string& b) {
+    return a.size() != b.size() ? a.size() < b.size() : a < b;
+  });
+  return sections;
+}
+
 std::vector<Segment> readSegments(IniFile& ini, const Segment& common) {
   std::vector<Segment> segments;
-  for (const auto& section : ini.sections("segment_")) {
+  for (const auto& section : numbered(ini.sections("segment_"))) {
     Segment segment = common;
     ini.load(section, segment);
     if (!(segment.length_m > 0))
@@ -266,7 +281,8 @@ ClosedLine readCentreLine(const std::string& path) {
   double length_m = 0;
   std::string text;
   for (int number = 1; std::getline(in, text); ++number) {
-    if (text.empty() || text[0] == '#' || text.rfind("x_m", 0) == 0) continue;
+    if (text.find_first_not_of(" \t\r") == std::string::npos || text[0] == '#' || text.rfind("x_m", 0) == 0)
+      continue;
     const auto v = numbersIn(text);
     const std::string where = "track " + path + ", line " + std::to_string(number) + ": ";
     if (v.size() != 4) throw InputError(where + "not four numbers x_m,y_m,w_tr_right_m,w_tr_left_m: " + text);
@@ -285,15 +301,16 @@ ClosedLine readCentreLine(const std::string& path) {
     line.points.push_back({p_m, 0, v[2], v[3]});
     if (length_m > kMaxLength_m) throw InputError(where + "the line is longer than 100 km");
   }
+  // Some files repeat the first point at the end; else the loop closes with one more step.
+  const double gap_m =
+      line.points.empty() ? 0 : (line.points.back().p_map_m - line.points.front().p_map_m).norm();
+  if (gap_m < 0.2 && !line.points.empty()) line.points.pop_back();
   if (line.points.size() < 8)
     throw InputError("track " + path + ": " + std::to_string(line.points.size()) +
                      " points, but a circuit needs at least 8 lines x_m,y_m,w_tr_right_m,w_tr_left_m");
-  // Some files repeat the first point at the end; else the loop closes with one more step.
-  const double gap_m = (line.points.back().p_map_m - line.points.front().p_map_m).norm();
-  if (gap_m < 0.2) line.points.pop_back();
-  if (gap_m > std::max(20.0, kMaxMiss_share * length_m))
+  if (gap_m > 20)
     throw InputError("track " + path + ": the line does not close: its end is " + std::to_string(gap_m) +
-                     " m from its start, of " + std::to_string(length_m) + " m in all (at most 1 %)");
+                     " m from its start, of " + std::to_string(length_m) + " m in all (at most 20 m)");
   const Eigen::Vector3d start_m = line.points.front().p_map_m;
   for (auto& point : line.points) point.p_map_m -= start_m;
   return line;
@@ -331,7 +348,7 @@ Circuit circuitOfIni(const std::string& path) {
   ini.load("segments", common);
   ini.load("pace", pace);
   std::vector<Scenery> scenery;
-  for (const auto& section : ini.sections("scenery_")) {
+  for (const auto& section : numbered(ini.sections("scenery_"))) {
     ini.load(section, scenery.emplace_back());
     const auto& last = scenery.back();
     if (!(last.to_m > last.from_m))
@@ -359,6 +376,13 @@ Circuit circuitOfIni(const std::string& path) {
     const double scale = circuit->track.length_m() / length_m;
     for (const Side side : {Side::left, Side::right}) addBarriers(segments, side, scale, circuit->barriers);
   }
+  const double length_m = circuit->track.length_m();
+  const auto sceneries = numbered(ini.sections("scenery_"));
+  for (std::size_t k = 0; k < scenery.size(); ++k)
+    if (scenery[k].from_m >= length_m || scenery[k].to_m - scenery[k].from_m > length_m)
+      throw InputError("track " + path + ", section [" + sceneries[k] + "]: from_m = " +
+                       std::to_string(scenery[k].from_m) + ", to_m = " + std::to_string(scenery[k].to_m) +
+                       ", but the track is " + std::to_string(length_m) + " m long");
   circuit->scenery = scenery;
   circuit->pace = pace;
   circuit->path = path;

@@ -25,8 +25,7 @@ class Bend : public ceres::SizedCostFunction<3, 1, 1, 1> {
     bend = x_centre_m;
     for (int k = 0; k < 3; ++k) {
       bend += n_m[k][0] * x_left.col(k);
-      if (jacobians != nullptr && jacobians[k] != nullptr)
-        Eigen::Vector3d::Map(jacobians[k]) = x_left.col(k);
+      if (jacobians != nullptr && jacobians[k] != nullptr) Eigen::Vector3d::Map(jacobians[k]) = x_left.col(k);
     }
     return true;
   }

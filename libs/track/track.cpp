@@ -121,6 +121,8 @@ std::uint64_t Track::cellOf(double x_m, double y_m) {
 }
 
 std::optional<Track::Place> Track::locate(const Eigen::Vector3d& p_map_m, double within_m) const {
+  constexpr double kFarthest_m = 1e6;  // cells are numbered by 32 bits; NaN is nowhere either
+  if (!(p_map_m.cwiseAbs().maxCoeff() < kFarthest_m) || !p_map_m.allFinite()) return std::nullopt;
   const double reach_m = std::min(within_m, kMaxSearch_m) + kStations_m;
   const int cells = static_cast<int>(std::ceil(reach_m / kCell_m));
   double best_s_m = 0, best_m = reach_m;

@@ -52,7 +52,7 @@ class Track {
 
   struct Place {
     double s_m, n_m;
-    double height_m;  ///< above the surface, along its normal
+    double height_m;  ///< above the surface, along the z axis of the centre line beside it
   };
   /** The place on the track nearest to a point; none if the centre line is farther than `within_m` (at most
    * 200 m). Where two parts of the track are equally near, the one nearer in space. */
