@@ -107,9 +107,9 @@ struct Fault {
 };
 
 /** All faults of an ini, in order of the names of their sections.
- * \throws InputError naming file, section, key and value: a kind that there is not (with the nearest that there
- * is), a key that the kind does not have, a value out of its range, an end before the start, a section that is
- * no fault, or no fault at all. */
+ * \throws InputError naming file, section, key and value: a kind that there is not (with the nearest that
+ * there is), a key that the kind does not have, a value out of its range, an end that is not after the start,
+ * a section that is no fault, or no fault at all. */
 [[nodiscard]] std::vector<Fault> readFaults(const std::string& ini_path);
 
 /** For the header of a log: every key with its value and meaning, readable again by readFaults(). */

@@ -15,10 +15,10 @@
 
 namespace raceloc {
 
-/** Changes the messages whose stamps lie in [from_s, to_s) of a fault, and not one bit of any other. Faults act one
- * after another in the order given, each by the stamp that the message came with (before any stamp_jump).
- * The random numbers of a message are a function of seed, section, label and stamp (to the microsecond) alone, so
- * that no other device or fault moves them. */
+/** Changes the messages whose stamps lie in [from_s, to_s) of a fault, and not one bit of any other. Faults
+ * act one after another in the order given, each by the stamp that the message came with (before any
+ * stamp_jump). The random numbers of a message are a function of seed, section, label and stamp (to the
+ * microsecond) alone, so that no other device or fault moves them. */
 class FaultInjector {
  public:
   /** \param log_start_s  to which the times of the faults refer [s since the epoch] */
