@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "cli/app.h"
+#include "cli/text_options.h"
 #include "core/errors.h"
 #include "core/options.h"
 #include "core/output_file.h"
@@ -127,37 +128,6 @@ EXAMPLES
 EXIT STATUS
   0 done; 2 bad input or arguments; 1 an error of the program.
 )";
-
-using Text = TCLAP::ValueArg<std::string>;
-
-double numberOf(Text& option, const Range& range) {
-  const auto number = parseNumber(option.getValue());
-  if (!number || !range.holds(*number))
-    throw InputError("--" + option.getName() + " " + option.getValue() + ": must be a number " +
-                     range.text());
-  return *number;
-}
-
-int wholeNumberOf(Text& option, const Range& range) {
-  const double number = numberOf(option, range);
-  if (number != std::floor(number))
-    throw InputError("--" + option.getName() + " " + option.getValue() + ": must be a whole number");
-  return static_cast<int>(number);
-}
-
-std::vector<double> numbersOf(Text& option, std::size_t count) {
-  return parseNumbers("--" + option.getName(), option.getValue(), count);
-}
-
-template <class Enum>
-Enum choiceOf(Text& option, const std::vector<std::pair<std::string, Enum>>& choices) {
-  std::string allowed;
-  for (const auto& [name, value] : choices) {
-    if (name == option.getValue()) return value;
-    allowed += (allowed.empty() ? "" : " | ") + name;
-  }
-  throw InputError("--" + option.getName() + " " + option.getValue() + ": must be " + allowed);
-}
 
 /** The program's name, and the words after the format's. */
 using Words = std::vector<std::string>;

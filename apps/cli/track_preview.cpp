@@ -103,7 +103,8 @@ std::string trackPreview(const Circuit& circuit, const RacingLine& line, const S
       block("trees", trees) + block("spans", spans) + block("path", path) + block("waypoints", waypoints) +
       "set terminal pngcairo size 1600,1200 font 'DejaVu Sans,11' noenhanced\n"
       "set size ratio -1\nset grid lc rgb '#E0E0E0'\nset xlabel 'x, east [m]'\nset ylabel 'y, north [m]'\n"
-      "set bmargin 7\nset key outside bottom horizontal\nset cblabel 'speed [km/h]'\nset palette defined (0 '#440154', 0.33 "
+      "set bmargin 7\nset key outside bottom horizontal\nset cblabel 'speed [km/h]'\nset palette defined (0 "
+      "'#440154', 0.33 "
       "'#31688E', 0.67 '#35B779', 1 '#FDE725')\nset title \"" +
       safe_title + "\"\n" + arrow +
       "plot $trees with filledcurves closed fc rgb '#BFE0BF' title 'trees', "

@@ -7,6 +7,7 @@
 #include <charconv>
 #include <cmath>
 #include <fstream>
+#include <set>
 #include <sstream>
 
 namespace raceloc {
@@ -132,12 +133,21 @@ std::string iniText(const std::string& section, OptionList& keys) {
 IniFile::IniFile(const std::string& path) : x_path(path) {
   std::ifstream in(path);
   std::string text;
+  std::set<std::string> names;
   for (std::string line; std::getline(in, line); text += line + "\n") {
     const auto first = line.find_first_not_of(" \t");
-    if (first != std::string::npos && line.compare(first, 2, "//") == 0)
+    if (first == std::string::npos) continue;
+    if (line.compare(first, 2, "//") == 0) {
       line.clear();  // MRPT reads keys in "// a = b"
+      continue;
+    }
+    if (const auto end = line.find(']', first); line[first] == '[' && end != std::string::npos) {
+      const std::string name = line.substr(first + 1, end - first - 1);
+      if (!names.insert(lower(name)).second)  // MRPT would merge them, silently
+        throw InputError("ini " + path + ": section [" + name + "] is there twice; give one another name");
+    }
   }
-  if (!in.eof()) throw InputError("ini " + path + ": cannot be read; check the path given with -c");
+  if (!in.eof()) throw InputError("ini " + path + ": cannot be read; check the path");
   x_file = std::make_unique<mrpt::config::CConfigFileMemory>(text);
 }
 

@@ -2,11 +2,9 @@
 
 #include <cmath>
 #include <cstdio>
-#include <fstream>
 #include <sstream>
 
 #include "core/errors.h"
-#include "core/output_file.h"
 
 namespace raceloc {
 
@@ -14,23 +12,44 @@ namespace {
 constexpr char kOriginTag[] = "# map origin (WGS84 lat_deg lon_deg height_m):";
 }
 
-void writeTum(const std::string& path, const Trajectory& trajectory) {
-  std::string text;
+TumWriter::TumWriter(const std::string& path, const std::optional<GeodeticPoint>& origin)
+    : x_output(path), x_file(x_output.temporaryPath(), std::ios::binary) {
+  if (origin) {
+    char line[256];
+    std::snprintf(line, sizeof line, "%s %.10f %.10f %.4f\n", kOriginTag, origin->latitude_deg,
+                  origin->longitude_deg, origin->height_m);
+    x_file << line;
+  }
+  x_file << "# stamp_s x_m y_m z_m qx qy qz qw\n";
+  requireGood();
+}
+
+void TumWriter::write(const StampedPose& pose) {
+  const Eigen::Quaterniond q(pose.T_map_body.linear());
+  const Eigen::Vector3d p = pose.T_map_body.translation();
   char line[256];
-  if (trajectory.origin) {
-    std::snprintf(line, sizeof line, "%s %.10f %.10f %.4f\n", kOriginTag, trajectory.origin->latitude_deg,
-                  trajectory.origin->longitude_deg, trajectory.origin->height_m);
-    text += line;
-  }
-  text += "# stamp_s x_m y_m z_m qx qy qz qw\n";
-  for (const auto& [stamp_s, T] : trajectory.poses) {
-    const Eigen::Quaterniond q(T.linear());
-    const Eigen::Vector3d p = T.translation();
-    std::snprintf(line, sizeof line, "%.6f %.4f %.4f %.4f %.9f %.9f %.9f %.9f\n", stamp_s, p.x(), p.y(),
-                  p.z(), q.x(), q.y(), q.z(), q.w());
-    text += line;
-  }
-  writeTextFile(path, text);
+  std::snprintf(line, sizeof line, "%.6f %.4f %.4f %.4f %.9f %.9f %.9f %.9f\n", pose.stamp_s, p.x(), p.y(),
+                p.z(), q.x(), q.y(), q.z(), q.w());
+  x_file << line;
+  requireGood();
+}
+
+void TumWriter::commit() {
+  x_file.close();
+  requireGood();
+  x_output.commit();
+}
+
+void TumWriter::requireGood() const {
+  if (!x_file)
+    throw InputError("output " + x_output.path() +
+                     ": cannot be written; check the folder, its rights and the space left");
+}
+
+void writeTum(const std::string& path, const Trajectory& trajectory) {
+  TumWriter writer(path, trajectory.origin);
+  for (const auto& pose : trajectory.poses) writer.write(pose);
+  writer.commit();
 }
 
 Trajectory readTum(const std::string& path) {

@@ -2,10 +2,12 @@
  * Trajectories and their exchange format: one line per pose, `stamp x y z qx qy qz qw` (TUM). */
 #pragma once
 
+#include <fstream>
 #include <optional>
 #include <string>
 #include <vector>
 
+#include "core/output_file.h"
 #include "core/types.h"
 
 namespace raceloc {
@@ -21,8 +23,25 @@ struct Trajectory {
   std::vector<StampedPose> poses;
 };
 
-/** Writes microseconds and 0.1 mm exactly; the origin goes into a comment line, which other TUM readers skip.
- * \throws InputError if the file cannot be written. */
+/** Writes a trajectory pose by pose, in constant memory; it appears under its name with commit() only.
+ * Microseconds and 0.1 mm are exact; the origin goes into a comment line, which other TUM readers skip. */
+class TumWriter {
+ public:
+  /** \param origin of the map frame, when known \throws InputError if the file cannot be written. */
+  TumWriter(const std::string& path, const std::optional<GeodeticPoint>& origin);
+  /** In order of time. \throws InputError if the disk is full, at the latest with commit(). */
+  void write(const StampedPose& pose);
+  /** \throws InputError if the disk is full or the file cannot be renamed. */
+  void commit();
+
+ private:
+  void requireGood() const;
+
+  OutputFile x_output;
+  std::ofstream x_file;
+};
+
+/** Writes a whole trajectory as TumWriter does. \throws InputError if the file cannot be written. */
 void writeTum(const std::string& path, const Trajectory& trajectory);
 
 /** \throws InputError naming file and line for: unreadable or empty file, a line without eight numbers,

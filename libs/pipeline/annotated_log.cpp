@@ -3,7 +3,6 @@
 #include <mrpt/obs/CObservation3DScene.h>
 #include <mrpt/obs/CObservationOdometry.h>
 #include <mrpt/obs/CObservationRawDAQ.h>
-#include <mrpt/obs/CObservationRobotPose.h>
 #include <mrpt/opengl/CBox.h>
 #include <mrpt/opengl/CEllipsoid2D.h>
 #include <mrpt/opengl/COpenGLScene.h>
@@ -130,21 +129,13 @@ void AnnotatedLog::write(const Sample& sample) {
 }
 
 void AnnotatedLog::write(const LocalizerOutput& output) {
-  const mrpt::poses::CPose3D T_map_body = toMrpt(output.T_map_body);
-
   mrpt::obs::CObservationOdometry odometry;
   odometry.sensorLabel = "estimate";
   odometry.timestamp = toMrptStamp(output.stamp_s);
-  odometry.odometry = mrpt::poses::CPose2D(T_map_body);
+  odometry.odometry = mrpt::poses::CPose2D(toMrpt(output.T_map_body));
   x_writer.write(odometry);
 
-  mrpt::obs::CObservationRobotPose pose;
-  pose.sensorLabel = "estimate_pose";
-  pose.timestamp = odometry.timestamp;
-  pose.pose.mean = T_map_body;
-  pose.pose.cov = mrpt::math::CMatrixDouble66(covarianceToMrpt(output.T_map_body, output.covariance));
-  x_writer.write(pose);
-
+  x_writer.writePose(output.stamp_s, "estimate_pose", output.T_map_body, output.covariance);
   x_writer.write(gateNumbers(output, x_sources));
   if (output.scan_match) x_writer.write(scene(output));
 }

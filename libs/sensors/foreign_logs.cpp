@@ -79,8 +79,10 @@ Cloud readVelodyneBin(const std::string& path) {
   if (!in) throw InputError("scan " + path + ": cannot be read");
   Cloud cloud;
   cloud.reserve(values.size() / 4);
-  for (std::size_t i = 0; i < values.size(); i += 4)
-    cloud.push({values[i], values[i + 1], values[i + 2]}, values[i + 3]);
+  for (std::size_t i = 0; i < values.size(); i += 4) {
+    const Eigen::Vector3f p(values[i], values[i + 1], values[i + 2]);
+    if (p.allFinite()) cloud.push(p, values[i + 3]);
+  }
   return cloud;
 }
 

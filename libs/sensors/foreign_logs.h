@@ -66,7 +66,8 @@ void requireFolder(const std::string& what, const std::string& folder);
 [[nodiscard]] std::vector<std::string> filesIn(const std::string& what, const std::string& folder,
                                                const std::string& extension);
 
-/** Reads a file of float32 `x y z intensity` records, as KITTI's, into the cloud.
+/** Reads a file of float32 `x y z intensity` records, as KITTI's, into the cloud; points that are not finite
+ * are left out.
  * \throws InputError if it cannot be read, is empty, or its length is no multiple of 16. */
 [[nodiscard]] Cloud readVelodyneBin(const std::string& path);
 

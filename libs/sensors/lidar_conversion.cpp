@@ -86,14 +86,12 @@ class VelodynePoints : public mrpt::obs::CObservationVelodyneScan::PointCloudSto
 std::shared_ptr<mrpt::obs::CObservationPointCloud> toObservation(const Scan& scan) {
   auto map = mrpt::maps::CColouredPointsMap::Create();
   map->reserve(scan.cloud.size());
-  std::size_t n = 0;
   for (std::size_t i = 0; i < scan.cloud.size(); ++i) {
     const Eigen::Vector3f p = scan.cloud.point(i);
-    if (!isFinite(p.x(), p.y(), p.z())) continue;
     map->insertPointFast(roundedTo(kCoordinateSteps, p.x()), roundedTo(kCoordinateSteps, p.y()),
                          roundedTo(kCoordinateSteps, p.z()));
     map->setPointColor_fast(
-        n++, scan.cloud.intensity.empty() ? kAbsent : scan.cloud.intensity[i],
+        i, scan.cloud.intensity.empty() ? kAbsent : scan.cloud.intensity[i],
         scan.ring.empty() ? kAbsent : scan.ring[i] / 255,
         scan.time_s.empty() ? kAbsent : roundedTo(kTimeSteps, std::max(0.0F, scan.time_s[i])));
   }

@@ -19,7 +19,7 @@ class CObservationPointCloud;
 
 namespace raceloc {
 
-/** `time_s` may lie before 0 only by rounding; points that are not finite are left out. */
+/** `time_s` may lie before 0 only by rounding. Points that are not finite are written as they are. */
 [[nodiscard]] std::shared_ptr<mrpt::obs::CObservationPointCloud> toObservation(const Scan& scan);
 
 /** The sweep in an observation of one of these kinds, empty for any other:

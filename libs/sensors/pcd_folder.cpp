@@ -138,9 +138,9 @@ class PointSink {
 
   template <class ValueOf>
   void add(const ValueOf& valueOf) {
-    const Eigen::Vector3d p(valueOf(*x_x), valueOf(*x_y), valueOf(*x_z));
-    if (!p.allFinite()) return;
-    x_scan.cloud.push(p.cast<float>());
+    const Eigen::Vector3f p = Eigen::Vector3d(valueOf(*x_x), valueOf(*x_y), valueOf(*x_z)).cast<float>();
+    if (!p.allFinite()) return;  // a double beyond the floats too
+    x_scan.cloud.push(p);
     if (x_intensity != nullptr)
       x_scan.cloud.intensity.push_back(
           static_cast<float>(std::clamp(valueOf(*x_intensity) / x_intensity_max, 0.0, 1.0)));

@@ -2,12 +2,14 @@
  * MRPT rawlogs, read and written as the samples of core/samples.h.
  *
  *  - Scan: see sensors/lidar_conversion.h;
- *  - GpsFix: CObservationGPS with GGA (position, height above the ellipsoid) and BESTPOS (sigmas east, north, up);
+ *  - GpsFix: CObservationGPS with GGA (position, height above the ellipsoid) and BESTPOS (sigmas);
+ *    with a velocity, also RMC (speed, course clockwise from true north at the antenna, time and date). It is
+ *    read from other logs too, when its validity is 'A' and it is finite;
  *  - InsPose: CObservationRobotPose, label + `_pose`, in the map frame of the header's origin;
  *  - ImuSample: CObservationIMU;
  *  - MotionSample: CObservationOdometry.velocityLocal; with steering, also CObservationRawDAQ {speed, steering}.
  *
- * The header is a CObservationComment with the origin of the map frame as ini text. */
+ * The header: see sensors/log_header.h. */
 #pragma once
 
 #include <cstddef>
@@ -21,6 +23,7 @@
 #include "core/output_file.h"
 #include "core/samples.h"
 #include "sensors/device_tally.h"
+#include "sensors/log_header.h"
 
 namespace mrpt::io {
 class CFileGZOutputStream;
@@ -99,7 +102,7 @@ class LogReader {
   [[nodiscard]] bool mayLeave() const;
   void take(const mrpt::obs::CObservation& observation);
   void joinSteering(const mrpt::obs::CObservationRawDAQ& daq);
-  [[nodiscard]] std::optional<Sample> decoded(const mrpt::obs::CObservation& observation) const;
+  [[nodiscard]] bool isWanted(const mrpt::obs::CObservation& observation) const;
 
   LogOptions x_options;
   std::unique_ptr<RawlogObjects> x_objects;
@@ -109,12 +112,6 @@ class LogReader {
   std::map<std::string, Steering> x_steering;  ///< the last of each label
   double x_newest_s, x_last_out_s;
   std::size_t x_dropped = 0;
-};
-
-struct LogHeader {
-  std::optional<GeodeticPoint>
-      origin;        ///< of the map frame; a log without one holds no GPS fix and no INS pose
-  std::string text;  ///< goes after it: ini text or comments
 };
 
 /** Writes a rawlog that appears under its name with commit() only. */
@@ -135,6 +132,11 @@ class LogWriter {
   /** For output logs, where the estimate is the only odometry: RawDAQ {speed_mps, steering_rad (NaN:
    * unknown), yaw_rate_rps}. */
   void writeVehicleAsDaq(const MotionSample& sample);
+  /** A pose that is no receiver's, such as `truth` or an estimate, in the map frame: CObservationRobotPose.
+   * Readers take it for an InsPose if its label ends in `_pose`.
+   * \param covariance of a right increment: rotation [rad], then translation [m] */
+  void writePose(double stamp_s, const std::string& label, const Pose& T_map_body,
+                 const Matrix6d& covariance = Matrix6d::Zero());
   void write(const mrpt::serialization::CSerializable& annotation);
   /** \throws InputError if the disk is full or the file cannot be renamed. */
   void commit();

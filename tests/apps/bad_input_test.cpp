@@ -13,7 +13,7 @@
 #include <regex>
 #include <sstream>
 
-#include "apps/apps.h"
+#include "apps/refused.h"
 
 namespace {
 
@@ -24,20 +24,6 @@ using ::testing::IsEmpty;
 using ::testing::StartsWith;
 
 const DriveFiles kDrive("synthetic");
-
-class BadInput : public ::testing::Test {
- protected:
-  /** Runs a command that must be refused in one line which contains all of `named`. */
-  void expectRefused(const std::vector<std::string>& command, const std::vector<std::string>& named) const {
-    const auto result = runCommand(command);
-    EXPECT_EQ(result.exit_code, 2);
-    EXPECT_EQ(std::count(result.err.begin(), result.err.end(), '\n'), 1) << result.err;
-    EXPECT_THAT(result.err, StartsWith(fs::path(command[0]).filename().string() + ": "));
-    for (const auto& name : named) EXPECT_THAT(result.err, HasSubstr(name));
-    EXPECT_THAT(out.names(), IsEmpty());
-  }
-  TemporaryFolder in, out;
-};
 
 // ---- logs and ini files: raceloc-map and raceloc-live read them alike
 
@@ -333,7 +319,8 @@ TEST_F(BadTrajectory, IsOfAnotherTime) {
 
 class CommandLines : public BadInput, public ::testing::WithParamInterface<std::string> {};
 INSTANTIATE_TEST_SUITE_P(Apps, CommandLines,
-                         ::testing::Values("raceloc-import", "raceloc-map", "raceloc-live", "raceloc-eval"),
+                         ::testing::Values("raceloc-import", "raceloc-map", "raceloc-live", "raceloc-eval",
+                                           "raceloc-sim"),
                          [](const auto& test) { return test.param.substr(8); });
 
 TEST_P(CommandLines, HelpIsAManual) {

@@ -1,9 +1,11 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
+#include <sys/resource.h>
 #include <sys/stat.h>
 #include <unistd.h>
 
 #include <cmath>
+#include <csignal>
 #include <fstream>
 #include <iterator>
 #include <string>
@@ -150,7 +152,17 @@ TEST(Options, CommentsBlanksAndEvaluationsAreMrpts) {
 }
 
 TEST(Options, KeysAndSectionsIgnoreCase) {
-  EXPECT_EQ(loaded("[SAMPLE]\nVoxel_Size_M = 2\n").voxel_size_m, 2);
+  const TemporaryFolder folder;
+  IniFile ini(written(folder, "a.ini", "[SAMPLE]\nVoxel_Size_M = 2\n"));
+  SampleOptions options;
+  ini.load("sample", options);
+  EXPECT_EQ(options.voxel_size_m, 2);
+}
+
+TEST(Options, ASectionThatIsThereTwiceIsRefused) {
+  EXPECT_THAT(complaint([] { (void)loaded("share = 1\n  [Sample] // again\nshare = 0\n"); }),
+              HasSubstr("section [Sample] is there twice"));
+  EXPECT_NO_THROW((void)loaded("share = 1\n// [sample]\n"));
 }
 
 TEST(Options, UnknownKeySuggestsTheNearest) {
@@ -336,6 +348,56 @@ TEST(Tum, OtherReadersSeeEightColumnsAndComments) {
             "# map origin (WGS84 lat_deg lon_deg height_m): 45.5000000000 9.2500000000 180.0000\n"
             "# stamp_s x_m y_m z_m qx qy qz qw\n"
             "1317042651.258615 1.0000 -2.0000 3.5000 0.000000000 0.000000000 0.000000000 1.000000000\n");
+}
+
+TEST(TumWriter, WritesWhatWriteTumDoes) {
+  const TemporaryFolder folder;
+  const Trajectory trajectory{GeodeticPoint{45.5, 9.25, 180},
+                              {{1.5, poseFromRpy({1, -2, 3.5}, 0, 0, 1)}, {2, Pose::Identity()}}};
+  writeTum(folder / "whole.tum", trajectory);
+  TumWriter writer(folder / "streamed.tum", trajectory.origin);
+  for (const auto& pose : trajectory.poses) writer.write(pose);
+  writer.commit();
+  EXPECT_EQ(textOf(folder / "streamed.tum"), textOf(folder / "whole.tum"));
+}
+
+TEST(TumWriter, NothingAppearsWithoutCommit) {
+  const TemporaryFolder folder;
+  {
+    TumWriter writer(folder / "race.tum", std::nullopt);
+    writer.write({1, Pose::Identity()});
+    EXPECT_THAT(folder.names(), ElementsAre("race.part.tum"));
+  }
+  EXPECT_THAT(folder.names(), IsEmpty());
+}
+
+TEST(TumWriter, AFolderThatIsMissingIsNamedAtOnce) {
+  EXPECT_THAT(complaint([] { TumWriter("/nonexistent/race.tum", std::nullopt); }),
+              HasSubstr("output /nonexistent/race.tum: cannot be written"));
+}
+
+TEST(TumWriter, AFullDiskLeavesTheOldTrajectory) {
+  const TemporaryFolder folder;
+  const std::string path = written(folder, "race.tum", "old");
+  rlimit limit{};
+  getrlimit(RLIMIT_FSIZE, &limit);
+  const auto handler = std::signal(SIGXFSZ, SIG_IGN);
+  for (const int poses : {10, 10'000}) {  // found out by commit(), and by write()
+    const rlimit small{300, limit.rlim_max};
+    setrlimit(RLIMIT_FSIZE, &small);
+    int accepted = 0;
+    const std::string error = complaint([&] {
+      TumWriter writer(path, std::nullopt);
+      for (; accepted < poses; ++accepted) writer.write({1.0 * accepted, Pose::Identity()});
+      writer.commit();
+    });
+    setrlimit(RLIMIT_FSIZE, &limit);
+    EXPECT_THAT(error, HasSubstr("output " + path + ": cannot be written"));
+    EXPECT_LT(accepted, 1000);
+    EXPECT_THAT(folder.names(), ElementsAre("race.tum"));
+    EXPECT_EQ(textOf(path), "old");
+  }
+  std::signal(SIGXFSZ, handler);
 }
 
 }  // namespace

@@ -1,12 +1,16 @@
 /** \file
  * libs/sensors against values known from elsewhere, bad input, and real recordings where they are. */
 #include <gmock/gmock.h>
+#include <mrpt/io/CFileGZOutputStream.h>
 #include <mrpt/maps/CPointsMapXYZI.h>
+#include <mrpt/obs/CObservationComment.h>
 #include <mrpt/obs/CObservationGPS.h>
 #include <mrpt/obs/CObservationIMU.h>
+#include <mrpt/obs/CObservationOdometry.h>
 #include <mrpt/obs/CObservationPointCloud.h>
 #include <mrpt/obs/CObservationRawDAQ.h>
 #include <mrpt/obs/CObservationRobotPose.h>
+#include <mrpt/serialization/CArchive.h>
 #include <unistd.h>
 
 #include <cmath>
@@ -20,9 +24,11 @@
 #include "core/errors.h"
 #include "core/trajectory.h"
 #include "sensors/csv_log.h"
+#include "sensors/foreign_logs.h"
 #include "sensors/gps_conversion.h"
 #include "sensors/kitti.h"
 #include "sensors/lidar_conversion.h"
+#include "sensors/message_reader.h"
 #include "sensors/mrpt_stamp.h"
 #include "sensors/pcd_folder.h"
 #include "sensors/pose_conversion.h"
@@ -208,6 +214,61 @@ TEST_F(SensorsTest, ForeignFixesGetTheUsualSigmas) {
   EXPECT_NEAR(std::sqrt(fixes[1].cov_map_m2(1, 1)), 0.02, 1e-9);  // RTK fixed
 }
 
+TEST_F(SensorsTest, ForeignVelocitiesAreReadWhenValid) {
+  const auto velocityOf = [&](char validity, double speed_knots, double direction_deg) {
+    const auto gps = foreignFix(1, 1, {});
+    mrpt::obs::gnss::Message_NMEA_RMC rmc;
+    rmc.fields.validity_char = static_cast<std::int8_t>(validity);
+    rmc.fields.speed_knots = speed_knots;
+    rmc.fields.direction_degrees = direction_deg;
+    gps->setMsg(rmc);
+    LogWriter writer(in("x.rawlog"), {});
+    writer.write(*gps);
+    writer.commit();
+    return only<GpsFix>(readAll(in("x.rawlog"))).at(0).velocity;
+  };
+  const auto west = velocityOf('A', 10, 270);
+  ASSERT_TRUE(west);
+  EXPECT_NEAR(west->speed_mps, 5.14444444444, 1e-9);  // a knot is 1852 m an hour
+  EXPECT_NEAR(std::abs(west->course_rad), M_PI, 1e-9);
+  EXPECT_NEAR(velocityOf('A', 10, 60)->course_rad, M_PI / 6, 1e-9);
+  EXPECT_FALSE(velocityOf('V', 10, 270));
+  EXPECT_FALSE(velocityOf('A', NAN, 270));
+  EXPECT_FALSE(velocityOf('A', 10, INFINITY));
+}
+
+TEST_F(SensorsTest, VelocityIsWrittenAsReceiversSayIt) {
+  // 2025-09-05 00:27:38.5 UTC; along the map's y, so far east that the meridians converge
+  const GpsFix fix{1757032058.5,
+                   "gps",
+                   {10'000, 0, 0},
+                   Eigen::Matrix3d::Identity(),
+                   {0, 0, 0},
+                   4,
+                   GroundVelocity{20, M_PI / 2}};
+  writeLog(in("x.rawlog"), {fix});
+  RawlogObjects objects(in("x.rawlog"));
+  static_cast<void>(objects.next());  // the header
+  const auto gps = std::dynamic_pointer_cast<mrpt::obs::CObservationGPS>(objects.next());
+  ASSERT_TRUE(gps && gps->hasMsgClass<mrpt::obs::gnss::Message_NMEA_RMC>());
+  const auto& rmc = gps->getMsgByClass<mrpt::obs::gnss::Message_NMEA_RMC>();
+  EXPECT_EQ(rmc.fields.validity_char, 'A');
+  EXPECT_NEAR(rmc.fields.speed_knots, 20 * 3600 / 1852.0, 1e-9);
+  // North at the antenna leans towards the origin's meridian, so that the map's y is to its right.
+  const double converged_deg = 10'000 / 6.39e6 * std::tan(kOrigin.latitude_deg * M_PI / 180) * 180 / M_PI;
+  EXPECT_NEAR(rmc.fields.direction_degrees, converged_deg, 1e-3);
+  const auto& gga = gps->getMsgByClass<mrpt::obs::gnss::Message_NMEA_GGA>().fields;
+  EXPECT_EQ(rmc.fields.latitude_degrees, gga.latitude_degrees);
+  EXPECT_EQ(rmc.fields.longitude_degrees, gga.longitude_degrees);
+  EXPECT_EQ(rmc.fields.date_day, 5);
+  EXPECT_EQ(rmc.fields.date_month, 9);
+  EXPECT_EQ(rmc.fields.date_year, 25);
+  EXPECT_EQ(rmc.fields.UTCTime.hour, 0);
+  EXPECT_EQ(rmc.fields.UTCTime.minute, 27);
+  EXPECT_EQ(rmc.fields.UTCTime.sec, 38.5);
+  EXPECT_EQ(fromMrptStamp(rmc.getDateAsTimestamp()), 1757030400);  // the midnight before
+}
+
 TEST_F(SensorsTest, ForeignImuIsTurnedIntoTheBody) {
   mrpt::obs::CObservationIMU imu;
   imu.sensorLabel = "imu";
@@ -248,6 +309,47 @@ TEST(LidarConversion, IntensityCloudsAreReadAndBadPointsAreNot) {
   EXPECT_THAT(scan->ring, IsEmpty());
   EXPECT_EQ(scan->T_body_lidar.translation(), Eigen::Vector3d(1, 0, 2));
   EXPECT_EQ(scanFromObservation(mrpt::obs::CObservationIMU()), std::nullopt);
+}
+
+TEST_F(SensorsTest, PointsThatAreNotFiniteAreWrittenAndNotRead) {
+  Scan scan = kScan;
+  scan.cloud = {{1, NAN, 3, 4}, {1, 2, INFINITY, 4}, {1, 2, 3, 4}, {0.125F, 0.25F, 0.5F, 1}};
+  scan.time_s = {0, NAN, 0.25F, 0.5F};
+  scan.ring = {1, 2, 3, 4};
+  writeLog(in("x.rawlog"), {scan});
+  RawlogObjects objects(in("x.rawlog"));
+  static_cast<void>(objects.next());  // the header
+  const auto cloud = std::dynamic_pointer_cast<mrpt::obs::CObservationPointCloud>(objects.next());
+  ASSERT_TRUE(cloud);
+  ASSERT_EQ(cloud->pointcloud->size(), 4U);
+  EXPECT_TRUE(std::isnan(cloud->pointcloud->getPointsBufferRef_x()[1]));
+  EXPECT_TRUE(std::isinf(cloud->pointcloud->getPointsBufferRef_y()[2]));
+
+  const auto read = only<Scan>(readAll(in("x.rawlog"))).at(0);
+  EXPECT_THAT(read.cloud.x, ElementsAre(1, 4));
+  EXPECT_THAT(read.cloud.intensity, ElementsAre(0.125F, 1));
+  EXPECT_THAT(read.time_s, ElementsAre(0, 0.5F));
+  EXPECT_THAT(read.ring, ElementsAre(1, 4));
+}
+
+TEST_F(SensorsTest, TruthIsNoInsPose) {
+  const Pose T_map_body = poseFromRpy({1, 2, 3}, 0.1, 0.2, 0.3);
+  {
+    LogWriter writer(in("x.rawlog"), {kOrigin, ""});
+    writer.writePose(5, "truth", T_map_body);
+    writer.commit();
+  }
+  EXPECT_THAT(readAll(in("x.rawlog")), IsEmpty());
+  EXPECT_THAT(
+      summarizeRawlog(in("x.rawlog")).devices,
+      ElementsAre(AllOf(Field(&DeviceSummary::kind, "other"), Field(&DeviceSummary::label, "truth"))));
+  RawlogObjects objects(in("x.rawlog"));
+  static_cast<void>(objects.next());  // the header
+  const auto pose = std::dynamic_pointer_cast<mrpt::obs::CObservationRobotPose>(objects.next());
+  ASSERT_TRUE(pose);
+  EXPECT_EQ(fromMrptStamp(pose->timestamp), 5);
+  EXPECT_LT((fromMrpt(pose->pose.mean).matrix() - T_map_body.matrix()).norm(), 1e-12);
+  for (int i = 0; i < 36; ++i) EXPECT_EQ(pose->pose.cov(i / 6, i % 6), 0);
 }
 
 TEST_F(SensorsTest, PosesOfOthersAreNoInsPoses) {
@@ -415,6 +517,127 @@ TEST_F(SensorsTest, ATruncatedLogSaysWhereItEnds) {
   EXPECT_THAT(inputErrorOf([&] { static_cast<void>(readAll(path)); }), HasSubstr("truncated"));
 }
 
+// ---- Messages
+
+class MessageReaderTest : public SensorsTest {
+ protected:
+  template <class... Objects>
+  [[nodiscard]] std::string logOf(const LogHeader& header, const Objects&... objects) const {
+    LogWriter writer(in("x.rawlog"), header, 0);
+    (writer.write(objects), ...);
+    writer.commit();
+    return in("x.rawlog");
+  }
+  static mrpt::obs::CObservationRawDAQ daq(double stamp_s, const std::string& label,
+                                           const std::vector<double>& values) {
+    mrpt::obs::CObservationRawDAQ daq;
+    daq.timestamp = toMrptStamp(stamp_s);
+    daq.sensorLabel = label;
+    daq.AIN_channel_count = static_cast<std::uint16_t>(values.size());
+    daq.AIN_double = values;
+    return daq;
+  }
+  /** Of each message "label/originals", and "/s" when it has a sample. */
+  static std::vector<std::string> messagesOf(const std::string& path) {
+    std::vector<std::string> messages;
+    MessageReader reader(path);
+    while (const auto message = reader.next())
+      messages.push_back(message->label + "/" + std::to_string(message->originals.size()) +
+                         (message->sample ? "/s" : ""));
+    return messages;
+  }
+};
+
+TEST_F(MessageReaderTest, TheHeaderIsKnownAtOnceAndIsNoMessage) {
+  MessageReader reader(logOf({kOrigin, "[a]\nb = 1\n"}, Sample(kMotion)));
+  ASSERT_TRUE(reader.header().origin);
+  EXPECT_EQ(reader.header().origin->longitude_deg, kOrigin.longitude_deg);
+  EXPECT_EQ(reader.origin()->height_m, kOrigin.height_m);
+  EXPECT_EQ(reader.header().text, "[a]\nb = 1\n");
+  EXPECT_EQ(reader.next()->label, "vehicle");
+  EXPECT_FALSE(reader.next());
+}
+
+TEST_F(MessageReaderTest, AHeaderMayBeTextAlone) {
+  MessageReader reader(logOf({std::nullopt, "// hello\n"}, Sample(kMotion)));
+  EXPECT_FALSE(reader.header().origin);
+  EXPECT_EQ(reader.header().text, "// hello\n");
+  EXPECT_EQ(only<MotionSample>(readAll(in("x.rawlog"))).size(), 1U);
+}
+
+TEST_F(MessageReaderTest, AHeaderMayBeMissing) {
+  {
+    mrpt::io::CFileGZOutputStream file(in("none.rawlog"));
+    mrpt::serialization::archiveFrom(file) << daq(1, "gate", {1, 2, 3});
+  }
+  MessageReader reader(in("none.rawlog"));
+  EXPECT_FALSE(reader.header().origin);
+  EXPECT_EQ(reader.header().text, "");
+  EXPECT_EQ(reader.next()->label, "gate");
+  EXPECT_FALSE(reader.next());
+}
+
+TEST_F(MessageReaderTest, WithoutAHeaderTheFirstFixIsTheOrigin) {
+  MessageReader reader(logOf({}, *foreignFix(1, 0, {}), *foreignFix(2, 4, {})));
+  EXPECT_FALSE(reader.next()->sample);  // no fix yet
+  EXPECT_FALSE(reader.origin());
+  const auto message = reader.next();
+  ASSERT_TRUE(message->sample);
+  EXPECT_LT(std::get<GpsFix>(*message->sample).p_map_antenna_m.norm(), 1e-6);
+  EXPECT_EQ(reader.origin()->latitude_deg, 49);
+  EXPECT_FALSE(reader.header().origin);
+}
+
+TEST_F(MessageReaderTest, AFixThatIsNotWantedIsTheOriginAllTheSame) {
+  MessageReader reader(logOf({}, *foreignFix(1, 4, {})));
+  EXPECT_FALSE(reader.next([](const std::string&, double) { return false; })->sample);
+  EXPECT_TRUE(reader.origin());
+}
+
+TEST_F(MessageReaderTest, WhatNoSampleCanBeMadeOfIsPassedOn) {
+  mrpt::obs::CObservationIMU imu;  // no values
+  imu.sensorLabel = "imu";
+  imu.timestamp = toMrptStamp(1);
+  MotionSample nan = kMotion;
+  nan.label = "nan";
+  nan.speed_mps = NAN;
+  mrpt::obs::CObservationOdometry no_stamp;
+  no_stamp.sensorLabel = "no_stamp";
+  no_stamp.hasVelocities = true;
+  no_stamp.timestamp = INVALID_TIMESTAMP;
+  mrpt::obs::CObservationComment second;
+  second.text = "a log keeps only one";
+  EXPECT_THAT(messagesOf(logOf({}, Sample(kMotion), imu, second, Sample(nan), no_stamp, Sample(kScan))),
+              ElementsAre("vehicle/1/s", "imu/1", "nan/1", "no_stamp/1", "lidar_top/1/s"));
+}
+
+TEST_F(MessageReaderTest, SteeringIsJoinedToTheSpeedRightAfterIt) {
+  const Sample v1 = MotionSample{1, "v", 10, 0};
+  const Sample v2 = MotionSample{2, "v", 10, 0};
+  const auto steering = daq(1, "v", {10, 0.1});
+  EXPECT_THAT(messagesOf(logOf({}, steering, v1)), ElementsAre("v/2/s"));
+  EXPECT_THAT(messagesOf(logOf({}, daq(1, "w", {10, 0.1}), v1)), ElementsAre("w/1", "v/1/s"));
+  EXPECT_THAT(messagesOf(logOf({}, steering, v2)), ElementsAre("v/1", "v/1/s"));
+  EXPECT_THAT(messagesOf(logOf({}, daq(1, "v", {10, 0.1, 0}), v1)), ElementsAre("v/1", "v/1/s"));
+  EXPECT_THAT(messagesOf(logOf({}, steering, Sample(kScan), v1)),
+              ElementsAre("v/1", "lidar_top/1/s", "v/1/s"));
+  EXPECT_THAT(messagesOf(logOf({}, v1, steering)), ElementsAre("v/1/s", "v/1"));
+
+  MessageReader reader(logOf({}, steering, daq(1, "v", {10, 0.2}), v1));
+  EXPECT_EQ(reader.next()->originals.size(), 1U);
+  EXPECT_EQ(std::get<MotionSample>(*reader.next()->sample).steering_rad, 0.2);
+  EXPECT_FALSE(reader.next());
+}
+
+TEST_F(MessageReaderTest, BadLogsAreErrors) {
+  EXPECT_THAT(inputErrorOf([&] { MessageReader reader(in("none.rawlog")); }), HasSubstr("cannot be read"));
+  EXPECT_THAT(inputErrorOf([&] { MessageReader reader(write("text.rawlog", "this is no rawlog at all")); }),
+              HasSubstr("after 0 objects"));
+  const std::string path = writeLog(in("x.rawlog"), std::vector<Sample>(500, kScan));
+  fs::resize_file(path, fs::file_size(path) / 2);
+  EXPECT_THAT(inputErrorOf([&] { static_cast<void>(messagesOf(path)); }), HasSubstr("truncated"));
+}
+
 // ---- KITTI
 
 /** A drive of three packets and two scans, with numbers that are easy to check by hand. */
@@ -460,6 +683,15 @@ class KittiTest : public SensorsTest {
 
   KittiRawDrive drive;
 };
+
+TEST_F(KittiTest, PointsThatAreNotFiniteAreLeftOut) {
+  const std::vector<float> points{1, 2, 3, 0.5F, NAN, 0, 0, 0.25F, 4, INFINITY, 6, 0.75F, 7, 8, 9, 1};
+  std::string bytes(points.size() * sizeof(float), '\0');
+  std::memcpy(bytes.data(), points.data(), bytes.size());
+  const Cloud cloud = readVelodyneBin(write("nan.bin", bytes));
+  EXPECT_THAT(cloud.x, ElementsAre(1, 7));
+  EXPECT_THAT(cloud.intensity, ElementsAre(0.5F, 1));
+}
 
 TEST_F(KittiTest, DevicesAndFrames) {
   const auto summary = import();
@@ -676,6 +908,12 @@ TEST_F(PcdTest, AsciiAndBinaryAreTheSame) {
   const std::string binary = header("binary") + record(1, 2, 3, 50, 1000) + record(NAN, NAN, NAN, 0, 0) +
                              record(4, 5, -6, 200, 50'001'000);
   expectPoints(readPcd(write("b.pcd", binary), 100));
+}
+
+TEST_F(PcdTest, DoublesBeyondTheFloatsAreLeftOut) {
+  const std::string pcd =
+      "FIELDS x y z\nSIZE 8 8 8\nTYPE F F F\nCOUNT 1 1 1\nPOINTS 2\nDATA ascii\n1 2 3\n1e300 0 0\n";
+  EXPECT_THAT(readPcd(write("a.pcd", pcd), 1).cloud.x, ElementsAre(1));
 }
 
 TEST_F(PcdTest, WhatIsWrongIsNamed) {

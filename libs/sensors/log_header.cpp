@@ -1,0 +1,51 @@
+#include "sensors/log_header.h"
+
+#include <mrpt/obs/CObservationComment.h>
+
+#include <charconv>
+#include <cstdio>
+#include <iterator>
+#include <sstream>
+#include <utility>
+
+namespace raceloc {
+
+using mrpt::obs::CObservationComment;
+
+namespace {
+
+std::string originText(const GeodeticPoint& origin) {
+  char text[200];
+  std::snprintf(text, sizeof text,
+                "[raceloc]\norigin_lat_deg = %.17g\norigin_lon_deg = %.17g\norigin_height_m = %.17g\n",
+                origin.latitude_deg, origin.longitude_deg, origin.height_m);
+  return text;
+}
+
+}  // namespace
+
+CObservationComment toObservation(const LogHeader& header) {
+  CObservationComment comment;
+  comment.timestamp = INVALID_TIMESTAMP;  // else the wall clock: same samples, same file
+  comment.text = (header.origin ? originText(*header.origin) : "") + header.text;
+  return comment;
+}
+
+LogHeader headerIn(const CObservationComment& comment) {
+  const LogHeader foreign{std::nullopt, comment.text};
+  std::istringstream lines(comment.text);
+  std::string line;
+  if (!std::getline(lines, line) || line.rfind("[raceloc]", 0) != 0) return foreign;
+  GeodeticPoint origin{};
+  for (auto [key, value] : {std::pair{"origin_lat_deg = ", &origin.latitude_deg},
+                            std::pair{"origin_lon_deg = ", &origin.longitude_deg},
+                            std::pair{"origin_height_m = ", &origin.height_m}}) {
+    const std::string name = key;
+    if (!std::getline(lines, line) || line.compare(0, name.size(), name) != 0) return foreign;
+    const char* begin = line.data() + name.size();
+    if (std::from_chars(begin, line.data() + line.size(), *value).ec != std::errc()) return foreign;
+  }
+  return {origin, std::string(std::istreambuf_iterator<char>(lines), {})};
+}
+
+}  // namespace raceloc
