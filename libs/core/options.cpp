@@ -183,8 +183,9 @@ std::vector<std::pair<std::string, std::string>> IniFile::pairs(const std::strin
 std::vector<std::string> IniFile::sections(const std::string& prefix) const {
   std::vector<std::string> all, chosen;
   x_file->getAllSections(all);
-  std::copy_if(all.begin(), all.end(), std::back_inserter(chosen),
-               [&](const auto& name) { return !name.empty() && name.compare(0, prefix.size(), prefix) == 0; });
+  std::copy_if(all.begin(), all.end(), std::back_inserter(chosen), [&](const auto& name) {
+    return !name.empty() && name.compare(0, prefix.size(), prefix) == 0;
+  });
   std::sort(chosen.begin(), chosen.end());
   return chosen;
 }

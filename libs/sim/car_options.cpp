@@ -46,7 +46,8 @@ void DriverOptions::describe(OptionList& keys) {
   keys.add("lookahead_min_m", lookahead_min_m, between(1, 50), "... but at least so far [m]");
   keys.add("steering_gain_deg_per_m", steering_gain_deg_per_m, between(0.01, 20),
            "steering per offset from the line at the lookahead [deg/m], at 10 m/s; it falls with the speed");
-  keys.add("yaw_damping_s", yaw_damping_s, between(0, 2), "steering against a yaw rate that the line does not ask for [rad per rad/s]");
+  keys.add("yaw_damping_s", yaw_damping_s, between(0, 2),
+           "steering against a yaw rate that the line does not ask for [rad per rad/s]");
   keys.add("wander_m", wander_m, between(0, 5),
            "how far laps differ from the racing line, standard deviation [m]");
   keys.add("wander_length_m", wander_length_m, between(50, 10'000), "over this length of road [m]");
