@@ -58,6 +58,13 @@ CommandLine::CommandLine(const std::string& summary) : TCLAP::CmdLine(summary, '
 
 CommandLine::~CommandLine() = default;
 
+bool CommandLine::parse(std::vector<std::string> words) {
+  std::vector<char*> argv;
+  argv.reserve(words.size());
+  for (auto& word : words) argv.push_back(word.data());
+  return parse(static_cast<int>(argv.size()), argv.data());
+}
+
 Progress::Progress(std::string what)
     : x_what(std::move(what)),
       x_start(std::chrono::steady_clock::now()),

@@ -8,6 +8,7 @@
 #include <functional>
 #include <memory>
 #include <string>
+#include <vector>
 
 namespace raceloc {
 
@@ -24,6 +25,8 @@ class CommandLine : public TCLAP::CmdLine {
   ~CommandLine() override;
   CommandLine(const CommandLine&) = delete;
   CommandLine& operator=(const CommandLine&) = delete;
+  using TCLAP::CmdLine::parse;
+  bool parse(std::vector<std::string> words);  ///< the program's name, then its arguments
 
  private:
   std::unique_ptr<TCLAP::CmdLineOutput> x_output;

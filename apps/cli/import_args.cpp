@@ -160,11 +160,7 @@ class FormatLine {
   }
 
   /** False after `--help` or `--version`. */
-  bool parse(Words words) {
-    std::vector<char*> argv;
-    for (auto& word : words) argv.push_back(word.data());
-    return line.parse(static_cast<int>(argv.size()), argv.data());
-  }
+  bool parse(Words words) { return line.parse(std::move(words)); }
 
   CommandLine line;
   std::unique_ptr<Text> output;

@@ -1,6 +1,7 @@
 #include "cli/track_preview.h"
 
 #include <algorithm>
+#include <cctype>
 #include <cmath>
 #include <cstdio>
 
@@ -22,8 +23,8 @@ std::string row(const Eigen::Vector3d& p_map_m, const std::string& more = "") {
 /** Calls `at` at even steps from one station to another, both included. */
 template <class At>
 void along(double from_m, double to_m, At at) {
-  const double steps = std::max(1.0, std::ceil((to_m - from_m) / kStep_m));
-  for (double k = 0; k <= steps; ++k) at(from_m + k / steps * (to_m - from_m));
+  const int steps = std::max(1, static_cast<int>(std::ceil((to_m - from_m) / kStep_m)));
+  for (int k = 0; k <= steps; ++k) at(from_m + k * (to_m - from_m) / steps);
 }
 
 /** Beside the road, `out_m` from its edge. */
@@ -46,6 +47,15 @@ std::string footprint(const Track& track, const Scenery& scenery, Side side) {
     rows += row(beside(track, s_m, side, scenery.offset_m + scenery.depth_m));
   });
   return rows + row(beside(track, scenery.from_m, side, scenery.offset_m)) + "\n";
+}
+
+/** In single quotes, within which gnuplot takes nothing for a command. */
+std::string quoted(const std::string& text) {
+  std::string safe = "'";
+  for (const char c : text)
+    safe += c == '\'' ? std::string("''")
+                      : std::string(1, std::iscntrl(static_cast<unsigned char>(c)) != 0 ? ' ' : c);
+  return safe + "'";
 }
 
 bool spansRoad(SceneryKind kind) {
@@ -82,9 +92,8 @@ std::string trackPreview(const Circuit& circuit, const RacingLine& line, const S
   };
   along(0, track.length_m(),
         [&](double s_m) { path += row(onLine(s_m), std::to_string(3.6 * profile.at(s_m).speed_mps)); });
-  int number = 0;
-  for (double s_m = 0; s_m < track.length_m(); s_m += kWaypoint_m, ++number)
-    waypoints += row(onLine(s_m), number % 5 == 0 ? std::to_string(number) : "\"\"");
+  for (int number = 0; number * kWaypoint_m < track.length_m(); ++number)
+    waypoints += row(onLine(number * kWaypoint_m), number % 5 == 0 ? std::to_string(number) : "\"\"");
 
   char title[300];
   std::snprintf(
@@ -92,8 +101,6 @@ std::string trackPreview(const Circuit& circuit, const RacingLine& line, const S
       "%s: %.0f m; lap %.1f s at %.0f km/h, top %.0f km/h; way-points every %.0f m of the racing line",
       circuit.name.c_str(), track.length_m(), profile.lap_s(), 3.6 * profile.mean_mps(),
       3.6 * profile.top_mps(), kWaypoint_m);
-  std::string safe_title = title;
-  std::replace(safe_title.begin(), safe_title.end(), '"', '\'');
   const Eigen::Vector3d start = onLine(0), ahead = onLine(0.03 * track.length_m());
   char arrow[200];
   std::snprintf(arrow, sizeof arrow, "set arrow 1 from %.1f,%.1f to %.1f,%.1f lw 3 lc rgb '#D55E00' front\n",
@@ -105,8 +112,8 @@ std::string trackPreview(const Circuit& circuit, const RacingLine& line, const S
       "set size ratio -1\nset grid lc rgb '#E0E0E0'\nset xlabel 'x, east [m]'\nset ylabel 'y, north [m]'\n"
       "set bmargin 7\nset key outside bottom horizontal\nset cblabel 'speed [km/h]'\nset palette defined (0 "
       "'#440154', 0.33 "
-      "'#31688E', 0.67 '#35B779', 1 '#FDE725')\nset title \"" +
-      safe_title + "\"\n" + arrow +
+      "'#31688E', 0.67 '#35B779', 1 '#FDE725')\nset title " +
+      quoted(title) + "\n" + arrow +
       "plot $trees with filledcurves closed fc rgb '#BFE0BF' title 'trees', "
       "$built with filledcurves closed fc rgb '#C8B8A8' title 'stands, buildings', "
       "$edges with lines lw 1 lc rgb '#404040' title 'edges of the road', "

@@ -10,8 +10,6 @@
 #include <system_error>
 #include <utility>
 
-#include "core/errors.h"
-
 namespace raceloc {
 
 namespace {
@@ -22,17 +20,18 @@ std::string temporaryName(const std::string& path) {
   return (p.parent_path() / (p.stem().string() + ".part" + p.extension().string())).string();
 }
 
-InputError cannotWrite(const std::string& path, int error) {
-  return InputError("output " + path + ": cannot be written (" + std::strerror(error) +
-                    "); check the folder, its rights and the space left");
-}
 
 }  // namespace
 
+InputError cannotWrite(const std::string& path, const std::string& reason) {
+  return InputError("output " + path + ": cannot be written" + (reason.empty() ? "" : " (" + reason + ")") +
+                    "; check the folder, its rights and the space left");
+}
+
 OutputFile::OutputFile(std::string path) : x_path(std::move(path)), x_temporary(temporaryName(x_path)) {
-  if (std::filesystem::is_directory(x_path)) throw cannotWrite(x_path, EISDIR);
+  if (std::filesystem::is_directory(x_path)) throw cannotWrite(x_path, std::strerror(EISDIR));
   const int fd = ::open(x_temporary.c_str(), O_CREAT | O_WRONLY | O_TRUNC | O_CLOEXEC, 0644);
-  if (fd < 0) throw cannotWrite(x_path, errno);
+  if (fd < 0) throw cannotWrite(x_path, std::strerror(errno));
   ::close(fd);
 }
 
@@ -46,12 +45,12 @@ OutputFile::~OutputFile() {
 
 void OutputFile::commit() {
   const int fd = ::open(x_temporary.c_str(), O_RDONLY | O_CLOEXEC);
-  if (fd < 0) throw cannotWrite(x_path, errno);
+  if (fd < 0) throw cannotWrite(x_path, std::strerror(errno));
   const int synced = ::fsync(fd);
   const int sync_error = errno;
   ::close(fd);
-  if (synced != 0) throw cannotWrite(x_path, sync_error);
-  if (std::rename(x_temporary.c_str(), x_path.c_str()) != 0) throw cannotWrite(x_path, errno);
+  if (synced != 0) throw cannotWrite(x_path, std::strerror(sync_error));
+  if (std::rename(x_temporary.c_str(), x_path.c_str()) != 0) throw cannotWrite(x_path, std::strerror(errno));
   x_temporary.clear();
 }
 
@@ -60,7 +59,7 @@ void writeTextFile(const std::string& path, const std::string& text) {
   std::ofstream out(file.temporaryPath(), std::ios::binary);
   out << text;
   out.close();
-  if (!out) throw cannotWrite(path, errno);
+  if (!out) throw cannotWrite(path, std::strerror(errno));
   file.commit();
 }
 

@@ -4,7 +4,13 @@
 
 #include <string>
 
+#include "core/errors.h"
+
 namespace raceloc {
+
+/** "output P: cannot be written; check the folder, its rights and the space left", with the system's reason if it is
+ * known. */
+[[nodiscard]] InputError cannotWrite(const std::string& path, const std::string& reason = "");
 
 /** Claims a temporary name beside the final one; commit() renames it, and a destructor without commit()
  * removes it. A kill at any moment leaves what was there before. */

@@ -41,9 +41,7 @@ void TumWriter::commit() {
 }
 
 void TumWriter::requireGood() const {
-  if (!x_file)
-    throw InputError("output " + x_output.path() +
-                     ": cannot be written; check the folder, its rights and the space left");
+  if (!x_file) throw cannotWrite(x_output.path());
 }
 
 void writeTum(const std::string& path, const Trajectory& trajectory) {

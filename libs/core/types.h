@@ -6,6 +6,7 @@
 
 #include <Eigen/Core>
 #include <Eigen/Geometry>
+#include <cmath>
 #include <cstddef>
 #include <vector>
 
@@ -57,6 +58,7 @@ struct BodyMotion {
 [[nodiscard]] Matrix6d adjoint(const Pose& pose);  ///< T exp(xi) T^-1 = exp(Ad(T) xi), Eq. (175)
 /** @} */
 
+constexpr double kDegree = M_PI / 180;             ///< one degree [rad]
 [[nodiscard]] double wrapAngle(double angle_rad);  ///< into [-pi, pi)
 [[nodiscard]] double yawOf(const Pose& pose);      ///< [rad], 0 = east, counter-clockwise
 [[nodiscard]] Pose poseFromRpy(const Eigen::Vector3d& p_m, double roll_rad, double pitch_rad,

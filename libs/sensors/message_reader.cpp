@@ -33,12 +33,12 @@ bool isSpeedOf(const CObservation& steering, const CObservation& next) {
 
 }  // namespace
 
-MessageReader::MessageReader(const std::string& path)
-    : x_objects(std::make_unique<RawlogObjects>(path)), x_ahead(x_objects->next()) {
+MessageReader::MessageReader(const std::string& path, std::optional<GeodeticPoint> map_origin)
+    : x_objects(std::make_unique<RawlogObjects>(path)), x_map_origin(map_origin), x_ahead(x_objects->next()) {
   const auto* comment = dynamic_cast<const CObservationComment*>(x_ahead.get());
   if (comment == nullptr) return;
   x_header = headerIn(*comment);
-  x_map_origin = x_header.origin;
+  if (!x_map_origin) x_map_origin = x_header.origin;
   x_ahead.reset();
 }
 
@@ -56,7 +56,7 @@ std::shared_ptr<CObservation> MessageReader::nextObservation() {
 std::optional<LogMessage> MessageReader::next(const Wanted& wanted) {
   const auto first = nextObservation();
   if (!first) return std::nullopt;
-  LogMessage message{fromMrptStamp(first->timestamp), deviceOf(*first).label, std::nullopt, {first}};
+  LogMessage message{fromMrptStamp(first->timestamp), "", "", std::nullopt, {first}};
   const auto steering_rad = steeringIn(*first);
   if (steering_rad) {
     x_ahead = nextObservation();
@@ -64,8 +64,11 @@ std::optional<LogMessage> MessageReader::next(const Wanted& wanted) {
   }
 
   const CObservation& last = *message.originals.back();
+  const auto device = deviceOf(last);
+  message.label = device.label;
+  message.kind = device.kind;
   if (!x_map_origin) x_map_origin = positionIn(last);
-  if (wanted && !wanted(message.label, message.stamp_s)) return message;
+  if (wanted && !wanted(message)) return message;
   auto sample = sampleIn(last, {x_map_origin, x_header.origin});
   if (!sample || !isSound(last, *sample)) return message;
   if (auto* motion = std::get_if<MotionSample>(&*sample)) motion->steering_rad = steering_rad;

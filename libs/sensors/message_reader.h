@@ -23,13 +23,14 @@ class RawlogObjects;
 struct LogMessage {
   double stamp_s;                ///< of the observation
   std::string label;             ///< as in DeviceSummary: that of an INS pose is without `_pose`
+  std::string kind;              ///< as in DeviceSummary: `lidar`, `gps`, ..., `other`
   std::optional<Sample> sample;  ///< empty when not wanted, and when no sound sample can be made of it
   /** As read. Two for speed with steering: CObservationRawDAQ, then CObservationOdometry. */
   std::vector<std::shared_ptr<mrpt::obs::CObservation>> originals;
 };
 
-/** Which messages to decode, which is slow for LiDAR. An empty one: all. */
-using Wanted = std::function<bool(const std::string& label, double stamp_s)>;
+/** Which messages to decode, which is slow for LiDAR; it is shown them without their samples. An empty one: all. */
+using Wanted = std::function<bool(const LogMessage&)>;
 
 /** Streams the messages of a log in the order of the file, in constant memory. Nothing is sorted, and nothing
  * is left out but actions, the bounds of sensory frames (their observations come one by one), and comments
@@ -38,11 +39,11 @@ using Wanted = std::function<bool(const std::string& label, double stamp_s)>;
  * A CObservationRawDAQ {speed, steering} and the CObservationOdometry right after it, of the same label and
  * stamp, as LogWriter writes them, are one message; a RawDAQ elsewhere is a message of its own.
  *
- * The map frame is that of the header's origin, else of the first GGA with a fix. */
+ * The map frame is that of `map_origin` when given, else of the header's origin, else of the first GGA with a fix. */
 class MessageReader {
  public:
   /** \throws InputError if the file cannot be read, or not even its first object. */
-  explicit MessageReader(const std::string& path);
+  explicit MessageReader(const std::string& path, std::optional<GeodeticPoint> map_origin = {});
   ~MessageReader();
   MessageReader(const MessageReader&) = delete;
   MessageReader& operator=(const MessageReader&) = delete;

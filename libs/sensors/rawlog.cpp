@@ -110,6 +110,7 @@ LogSummary summarizeRawlog(const std::string& path) {
     const auto [label, kind] = deviceOf(*observation);
     const double stamp_s = fromMrptStamp(observation->timestamp);
     tally.add(label, kind, stamp_s);
+    if (observation->timestamp == INVALID_TIMESTAMP) continue;
     summary.first_s = std::min(summary.first_s, stamp_s);
     summary.last_s = std::max(summary.last_s, stamp_s);
   }
@@ -225,11 +226,6 @@ CObservationRawDAQ daqOf(const MotionSample& motion, std::vector<double> values)
   daq.AIN_channel_count = static_cast<std::uint16_t>(values.size());
   daq.AIN_double = std::move(values);
   return daq;
-}
-
-InputError cannotWrite(const std::string& path) {
-  return InputError("output " + path +
-                    ": cannot be written; check the folder, its rights and the space left");
 }
 
 }  // namespace
@@ -351,11 +347,17 @@ void LogWriter::writePose(double stamp_s, const std::string& label, const Pose& 
   write(o);
 }
 
-void LogWriter::commit() {
+void LogWriter::finish() {
+  if (!x_file) return;
   // gzip buffers, and MRPT's close() hides whether the last bytes reached the disk: the trailer tells.
   const auto length = static_cast<std::uint32_t>(x_file->getPosition());
   x_file->close();
+  x_file.reset();
   if (statedGzipLength(x_output.temporaryPath()) != length) throw cannotWrite(x_output.path());
+}
+
+void LogWriter::commit() {
+  finish();
   x_output.commit();
 }
 

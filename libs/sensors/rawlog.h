@@ -54,7 +54,7 @@ struct LogSummary {
   std::string path;
   std::vector<DeviceSummary> devices;   ///< observations that no sample can be made of are of kind `other`
   std::optional<GeodeticPoint> origin;  ///< of the header, else of the first valid GGA
-  double first_s, last_s;
+  double first_s, last_s;               ///< of the observations that have a stamp; infinities if none has
 };
 
 /** Reads the log once, without decoding points.
@@ -77,7 +77,7 @@ void requireDevice(const LogSummary& summary, const std::string& kind, const std
  * fix (known only once next() has met it). INS poses are in the frame of the header's origin, and are skipped
  * in a log without one.
  *
- * A fix of quality 0 is skipped. One without BESTPOS sigmas, as in foreign logs, gets by its quality a
+ * A fix of quality 0 is skipped. One without BESTPOS sigmas, as in foreign logs, or with sigmas of 0, gets by its quality a
  * horizontal sigma per unit of HDOP (1 when the log has none) of: single or PPS 2.5 m, DGPS 0.8 m, RTK fixed
  * 0.02 m, RTK float 0.3 m, others 5 m; 1.5 times that vertically. These are usual figures of receivers' data
  * sheets, not of this one. */
@@ -124,7 +124,7 @@ class LogWriter {
   LogWriter(const LogWriter&) = delete;
   LogWriter& operator=(const LogWriter&) = delete;
 
-  /** Samples in the map frame of the header's origin, in order of time; at one stamp an INS pose goes before
+  /** Samples in the map frame of the header's origin, in the order in which they arrive; at one stamp an INS pose goes before
    * its fix. Of a GPS covariance the sigmas along east, north and up are kept: no message that survives a
    * rawlog holds the rest. \throws std::invalid_argument for a GPS fix or INS pose if the header has no
    * origin */
@@ -138,7 +138,10 @@ class LogWriter {
   void writePose(double stamp_s, const std::string& label, const Pose& T_map_body,
                  const Matrix6d& covariance = Matrix6d::Zero());
   void write(const mrpt::serialization::CSerializable& annotation);
-  /** \throws InputError if the disk is full or the file cannot be renamed. */
+  /** Writes out what is left, without the final name yet: nothing more may be written. \throws InputError if the disk
+   * is full. */
+  void finish();
+  /** finish(), then the final name. \throws InputError if the disk is full or the file cannot be renamed. */
   void commit();
 
  private:

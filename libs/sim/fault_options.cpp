@@ -131,9 +131,9 @@ void Fault::describe(OptionList& keys) {
       keys.add("shared", shared, "whether all these receivers have the same error at the same time");
       break;
     case FaultKind::gps_step:
-      keys.add("east_m", east_m, anyNumber(), "step [m]");
-      keys.add("north_m", north_m, anyNumber(), "step [m]");
-      keys.add("up_m", up_m, anyNumber(), "step [m]");
+      keys.add("east_m", east_m, between(-1e6, 1e6), "step [m]");
+      keys.add("north_m", north_m, between(-1e6, 1e6), "step [m]");
+      keys.add("up_m", up_m, between(-1e6, 1e6), "step [m]");
       break;
     case FaultKind::gps_ramp:
       keys.add("rate_mps", rate_mps, atLeast(0), "drift [m/s], from nothing at from_s");
@@ -156,16 +156,16 @@ void Fault::describe(OptionList& keys) {
                "of the error on each axis [m], which lasts as long as its float");
       break;
     case FaultKind::message_late:
-      keys.add("delay_s", delay_s, between(0, 60), "later arrival [s]");
+      keys.add("delay_s", delay_s, between(0, 10), "later arrival [s]");
       break;
     case FaultKind::message_duplicated:
-      keys.add("again_after_s", again_after_s, between(0, 60), "second arrival after the first [s]");
+      keys.add("again_after_s", again_after_s, between(0, 10), "second arrival after the first [s]");
       break;
     case FaultKind::message_shuffled:
-      keys.add("window_s", window_s, between(0, 60), "later arrival, uniformly up to this [s]");
+      keys.add("window_s", window_s, between(0, 10), "later arrival, uniformly up to this [s]");
       break;
     case FaultKind::stamp_jump:
-      keys.add("jump_s", jump_s, anyNumber(), "added to the stamps [s]");
+      keys.add("jump_s", jump_s, between(-1e8, 1e8), "added to the stamps [s]");
       break;
     case FaultKind::lidar_thinned:
       keys.add("lost_share", lost_share, between(0, 1), "of the points");
@@ -249,7 +249,13 @@ std::string iniText(const std::vector<Fault>& faults) {
 
 void requireDevices(const std::vector<Fault>& faults, const std::string& ini_path,
                     const std::vector<DeviceName>& devices) {
+  const bool knows_motion = std::any_of(devices.begin(), devices.end(),
+                                        [](const auto& device) { return device.kind == "vehicle"; });
   for (const auto& fault : faults) {
+    if (fault.kind == FaultKind::gps_vibration && !knows_motion)
+      throw InputError("faults " + ini_path + ", section [" + fault.section +
+                       "]: kind = gps_vibration, but it needs the car's speed and yaw rate, and there is no "
+                       "vehicle device");
     const std::string wanted = rowOf(fault.kind).device;
     std::vector<std::string> labels;
     for (const auto& device : devices)

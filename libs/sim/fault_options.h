@@ -15,6 +15,7 @@
 #include <vector>
 
 #include "core/options.h"
+#include "sim/device_name.h"
 
 namespace raceloc {
 
@@ -114,12 +115,6 @@ struct Fault {
 
 /** For the header of a log: every key with its value and meaning, readable again by readFaults(). */
 [[nodiscard]] std::string iniText(const std::vector<Fault>& faults);
-
-/** A device of a log or car. */
-struct DeviceName {
-  std::string label;
-  std::string kind;  ///< `lidar`, `gps`, `imu` or `vehicle`
-};
 
 /** \throws InputError if a fault is for none of the `devices` that its kind can be for (`message_*` and
  * `stamp_jump`: all of them), naming file, section, the pattern and the labels to choose from. */

@@ -11,8 +11,6 @@ namespace raceloc {
 
 namespace {
 
-double radians(double angle_deg) { return angle_deg * M_PI / 180; }
-
 /** Fixes and INS poses of one receiver in the same microsecond are of the same time. */
 std::int64_t microseconds(double stamp_s) { return std::llround(stamp_s * 1e6); }
 
@@ -129,12 +127,12 @@ void change(Scan& scan, const Fault& fault, const Noise& noise) {
 void change(ImuSample& imu, const Fault& fault) {
   const auto limit = [](Eigen::Vector3d& v, double most) { v = v.cwiseMax(-most).cwiseMin(most); };
   if (fault.kind == FaultKind::imu_bias_step) {
-    imu.gyro_body_rps +=
-        Eigen::Vector3d(radians(fault.gyro_x_dps), radians(fault.gyro_y_dps), radians(fault.gyro_z_dps));
+    imu.gyro_body_rps += Eigen::Vector3d((kDegree * fault.gyro_x_dps), (kDegree * fault.gyro_y_dps),
+                                         (kDegree * fault.gyro_z_dps));
     imu.specific_force_body_mps2 +=
         Eigen::Vector3d(fault.accelerometer_x_mps2, fault.accelerometer_y_mps2, fault.accelerometer_z_mps2);
   } else if (fault.kind == FaultKind::imu_saturated) {
-    limit(imu.gyro_body_rps, radians(fault.gyro_limit_dps));
+    limit(imu.gyro_body_rps, (kDegree * fault.gyro_limit_dps));
     limit(imu.specific_force_body_mps2, fault.accelerometer_limit_mps2);
   }
 }
@@ -143,7 +141,7 @@ void change(MotionSample& motion, const Fault& fault) {
   if (fault.kind == FaultKind::wheel_lock) motion.speed_mps = 0;
   if (fault.kind == FaultKind::wheel_spin) motion.speed_mps *= fault.spin_factor;
   if (fault.kind == FaultKind::steering_offset && motion.steering_rad)
-    *motion.steering_rad += radians(fault.offset_deg);
+    *motion.steering_rad += (kDegree * fault.offset_deg);
 }
 
 bool loses(FaultKind kind, const Sample& sample) {
@@ -203,16 +201,6 @@ std::vector<Delivery> FaultInjector::apply(Delivery delivery) {
   return deliveries;
 }
 
-double FaultInjector::maxDelay_s() const {
-  double sum_s = 0;  // all may act on one message
-  for (const auto& fault : x_faults) {
-    if (fault.kind == FaultKind::message_late) sum_s += fault.delay_s;
-    if (fault.kind == FaultKind::message_duplicated) sum_s += fault.again_after_s;
-    if (fault.kind == FaultKind::message_shuffled) sum_s += fault.window_s;
-  }
-  return sum_s;
-}
-
 Eigen::Vector3d FaultInjector::drift_m(const Fault& fault, const Sample& sample, double stamp_s) {
   const auto [entry, is_first] = x_drifts.try_emplace({fault.section, labelOf(sample)});
   Drift& drift = entry->second;
@@ -247,7 +235,7 @@ void FaultInjector::changeGps(const Fault& fault, Sample& sample, double stamp_s
     case FaultKind::gps_step:
       return moveBy(sample, {fault.east_m, fault.north_m, fault.up_m});
     case FaultKind::gps_ramp: {
-      const double direction_rad = radians(fault.direction_deg);
+      const double direction_rad = (kDegree * fault.direction_deg);
       return moveBy(sample, fault.rate_mps * on_for_s *
                                 Eigen::Vector3d(std::cos(direction_rad), std::sin(direction_rad), 0));
     }

@@ -17,8 +17,9 @@ namespace raceloc {
 
 /** Changes the messages whose stamps lie in [from_s, to_s) of a fault, and not one bit of any other. Faults
  * act one after another in the order given, each by the stamp that the message came with (before any
- * stamp_jump). The random numbers of a message are a function of seed, section, label and stamp (to the
- * microsecond) alone, so that no other device or fault moves them. */
+ * stamp_jump). Random numbers come from seed, section, label and stamp (to the microsecond;
+ * gps_rtk_flapping: its phase) alone, so that no other device or fault moves them. Frozen messages and gps_vibration
+ * also depend on what came before. */
 class FaultInjector {
  public:
   /** \param log_start_s  to which the times of the faults refer [s since the epoch] */
@@ -31,9 +32,6 @@ class FaultInjector {
    * duplicates it. `arrival_s` is never before that given. Give the messages in order of arrival, and every
    * MotionSample, also where touches() is false: gps_vibration needs the car's lateral acceleration. */
   [[nodiscard]] std::vector<Delivery> apply(Delivery delivery);
-
-  /** No message arrives later than this after its time without faults [s]. */
-  [[nodiscard]] double maxDelay_s() const;
 
  private:
   /** What gps_vibration knows of one receiver. */

@@ -1,6 +1,7 @@
 #include "sim/race.h"
 
 #include <algorithm>
+#include <cstdio>
 #include <limits>
 #include <stdexcept>
 #include <type_traits>
@@ -39,7 +40,7 @@ void Race::addDevices(const CarFile::Devices<Options>& devices, const RaceOption
 
 Race::Race(const Circuit& circuit, const CarFile& car, const RaceOptions& options)
     : x_circuit(circuit),
-      x_file(car),
+      x_car_path(car.path),
       x_distance_m(options.laps * circuit.track.length_m()),
       x_stand_s(options.stand_s),
       x_line(circuit.track, car.driver.margin_m),
@@ -50,20 +51,14 @@ Race::Race(const Circuit& circuit, const CarFile& car, const RaceOptions& option
             options.start_mps.value_or(x_profile.at(0).speed_mps), options.seed),
       x_motion(circuit.track, car.car, memoryFor(car)) {
   if (x_stand_s > 0 && x_car.state().forward_mps > 0)
-    throw InputError("a car that stands on the grid starts with speed 0: give --start-speed 0 with --stand");
+    throw std::invalid_argument("Race: a car that stands on the grid starts with speed 0");
   addDevices<LidarModel>(car.lidars, options, 1);
   addDevices<GpsModel>(car.gps, options, 0);
   addDevices<ImuModel>(car.imus, options, 0);
   addDevices<VehicleModel>(car.vehicles, options, 0);
   if (x_devices.empty()) {
     std::vector<std::string> labels;
-    const auto list = [&](const auto& devices) {
-      for (const auto& device : devices) labels.push_back(device.first);
-    };
-    list(car.lidars);
-    list(car.gps);
-    list(car.imus);
-    list(car.vehicles);
+    for (const auto& device : car.devices()) labels.push_back(device.label);
     throw InputError("car " + car.path + ": no device labelled " + options.labels +
                      " (it has: " + listed(labels) + ")");
   }
@@ -76,16 +71,27 @@ Race::Race(const Circuit& circuit, const CarFile& car, const RaceOptions& option
 double Race::progress() const { return std::clamp(x_car.state().s_m / x_distance_m, 0.0, 1.0); }
 
 void Race::driveUntil(double time_s) {
-  constexpr double kLost_m = 30;
+  constexpr double kLost_m = 30, kStuck_s = 60, kStuck_m = 5;
+  const auto failed = [&](const std::string& what) {
+    const CarState& x = x_car.state();
+    char place[80];
+    std::snprintf(place, sizeof place, " at station %.0f m, %.0f s after the start, at %.1f m/s", x.s_m,
+                  x.time_s, x.forward_mps);
+    return InputError("car " + x_car_path + " on track " + x_circuit.path + ": " + what + place);
+  };
   while (x_car.state().time_s < time_s) {
     x_car.step(x_car.state().time_s >= x_stand_s);
     const CarState& state = x_car.state();
     x_motion.add(state);
     if (!x_finish_s && state.s_m >= x_distance_m) x_finish_s = state.time_s;
     const RoadFrame road = x_circuit.track.at(state.s_m);
-    if (state.n_m > road.left_m + kLost_m || state.n_m < -road.right_m - kLost_m || !std::isfinite(state.n_m))
-      throw std::runtime_error("the simulated driver left the road at station " + std::to_string(state.s_m) +
-                               " m of " + x_circuit.path);
+    if (!(state.n_m < road.left_m + kLost_m && state.n_m > -road.right_m - kLost_m))  // NaN too
+      throw failed("the driver left the road");
+    if (state.s_m > x_progress_m + kStuck_m || state.time_s < x_stand_s) {
+      x_progress_m = state.s_m;
+      x_progress_s = state.time_s;
+    }
+    if (state.time_s > x_progress_s + kStuck_s) throw failed("the car does not get on");
   }
 }
 

@@ -30,7 +30,8 @@ using RaceMessage = std::variant<Sample, StampedPose>;
  * same arguments give the same messages, bit for bit, on any number of threads. */
 class Race {
  public:
-  /** \throws InputError if no device of the car matches `labels`, or for a standing start at speed. */
+  /** The circuit must outlive it. \throws InputError if no device of the car matches `labels`;
+   * std::invalid_argument for a car that stands at speed. */
   Race(const Circuit& circuit, const CarFile& car, const RaceOptions& options);
 
   struct Arrival {
@@ -38,14 +39,12 @@ class Race {
     RaceMessage message;
   };
   /** Empty when the race is over. The truth (T_map_body, 100 Hz, no latency) comes among the devices' messages;
-   * its stamps have no clock offset. \throws std::runtime_error if the car leaves the road. */
+   * its stamps have no clock offset. \throws InputError if the car leaves the road or gets stuck, with the place: the
+   * track asks more of the driver than the car file allows. */
   [[nodiscard]] std::optional<Arrival> next();
 
   [[nodiscard]] double progress() const;  ///< of the way, 0..1
-  [[nodiscard]] const RacingLine& line() const { return x_line; }
   [[nodiscard]] const SpeedProfile& profile() const { return x_profile; }
-  [[nodiscard]] const World& world() const { return x_world; }
-  [[nodiscard]] const CarState& car() const { return x_car.state(); }
 
  private:
   /** When a device measures next, and when that measurement is whole. */
@@ -66,7 +65,7 @@ class Race {
   void measure(Device& device);
 
   const Circuit& x_circuit;
-  CarFile x_file;
+  std::string x_car_path;
   double x_distance_m, x_stand_s;
   RacingLine x_line;
   SpeedProfile x_profile;
@@ -77,6 +76,7 @@ class Race {
   std::vector<Device> x_devices;
   ArrivalQueue<RaceMessage> x_arrivals;
   double x_now_s = 0;
+  double x_progress_m = 0, x_progress_s = 0;  ///< where and when the car last got on
   std::optional<double> x_finish_s;
 };
 

@@ -7,7 +7,6 @@ namespace raceloc {
 
 namespace {
 
-constexpr double kDegree = M_PI / 180;
 constexpr double kSpring_s = 0.12;      // the body follows the forces with this lag
 constexpr double kSlipSpeed_mps = 1.5;  // slip angles are taken at no less: they have no meaning at rest
 constexpr double kRough_mps = 30;       // vibrations are full from this speed on
@@ -50,7 +49,7 @@ RaceCar::RaceCar(const Track& track, const RacingLine& line, const SpeedProfile&
 }
 
 double RaceCar::wander_m(double s_m) const {
-  // Four waves that no lap repeats; each has half the power of the sum's variance over four.
+  // Four waves that no lap repeats. A sine has variance 1/2: four of them, times sqrt(2 / 4), have wander_m^2.
   double sum_m = 0;
   constexpr std::uint64_t kWaves = 4;
   for (std::uint64_t k = 0; k < kWaves; ++k) {

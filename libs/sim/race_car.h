@@ -34,8 +34,9 @@ struct CarState {
 /** T_map_body: the centre of the rear axle, x forward, y left, z up out of the leaning body. */
 [[nodiscard]] Pose bodyPose(const Track& track, const CarOptions& car, const CarState& state);
 
-/** Rates of change of a state under the tyres' forces. Source: Rajamani, Vehicle Dynamics and Control, ch. 2 (single track,
- * bank), with Pacejka's Magic Formula and a friction circle per axle. */
+/** Single-track model on the banked road: Magic Formula per axle, a friction circle that is never left, and a driver who
+ * steers along the racing line at the profile's speed. Track, line and profile must outlive it.
+ * Source: Rajamani, Vehicle Dynamics and Control, ch. 2 (single track, bank); Pacejka (tyres). */
 class RaceCar {
  public:
   /** Starts on the racing line at the start line of the circuit.
@@ -54,6 +55,7 @@ class RaceCar {
     double s, n, heading, forward, leftward, yaw_rate;
     double forward_force, leftward_force, front_use, rear_use, slip;
   };
+  /** Of a state under the tyres' forces and `pull_mps2` of engine or brakes. */
   [[nodiscard]] Rates ratesAt(const CarState& state, double pull_mps2) const;
   [[nodiscard]] double wantedSteering(const SurfacePoint& here) const;
   [[nodiscard]] double wantedPull() const;

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <optional>
 
 namespace raceloc {
 
@@ -17,6 +18,53 @@ constexpr double kFoot_m = 1;          // how deep things stand in the ground
 
 /** One side of the road: +1 left, -1 right. */
 constexpr double signOf(Side side) { return side == Side::left ? 1 : -1; }
+
+/** Heights between points that are known, weighted by the fourth power of the distance. */
+class HeightBlend {
+ public:
+  static constexpr double kReach_m = 220;
+
+  explicit HeightBlend(const std::vector<Vector3d>& known) : x_low(known.front()), x_high(known.front()) {
+    for (const auto& p : known) {
+      x_low = x_low.cwiseMin(p);
+      x_high = x_high.cwiseMax(p);
+    }
+    x_low.array() -= kReach_m;
+    x_high.array() += kReach_m;
+    x_columns = bucketOf(x_high.x() - x_low.x()) + 1;
+    x_buckets.resize(x_columns * (bucketOf(x_high.y() - x_low.y()) + 1));
+    for (const auto& p : known)
+      x_buckets[bucketOf(p.y() - x_low.y()) * x_columns + bucketOf(p.x() - x_low.x())].push_back(p);
+  }
+  [[nodiscard]] const Vector3d& low() const { return x_low; }  ///< corners of where there may be heights
+  [[nodiscard]] const Vector3d& high() const { return x_high; }
+
+  /** None where no known point is within kReach_m. */
+  [[nodiscard]] std::optional<double> at(double x_m, double y_m) const {
+    const std::size_t column = bucketOf(x_m - x_low.x()), row = bucketOf(y_m - x_low.y());
+    double weights = 0, sum = 0;
+    for (std::size_t j = row == 0 ? 0 : row - 1; j <= row + 1; ++j)
+      for (std::size_t i = column == 0 ? 0 : column - 1; i <= column + 1; ++i) {
+        if (i >= x_columns || j * x_columns + i >= x_buckets.size()) continue;
+        for (const auto& p : x_buckets[j * x_columns + i]) {
+          const double d2 = (p.x() - x_m) * (p.x() - x_m) + (p.y() - y_m) * (p.y() - y_m);
+          if (d2 > kReach_m * kReach_m) continue;
+          const double weight = 1 / (d2 * d2 + 1);
+          weights += weight;
+          sum += weight * p.z();
+        }
+      }
+    return weights > 0 ? std::optional(sum / weights) : std::nullopt;
+  }
+
+ private:
+  static std::size_t bucketOf(double way_m) {
+    return static_cast<std::size_t>(std::max(0.0, way_m) / kReach_m);
+  }
+  Vector3d x_low, x_high;
+  std::size_t x_columns;
+  std::vector<std::vector<Vector3d>> x_buckets;  ///< of kReach_m, row by row
+};
 
 class Builder {
  public:
@@ -158,12 +206,12 @@ class Builder {
     switch (x.kind) {
       case SceneryKind::grandstand: {
         constexpr double kStep_m = 2;
-        const double steps = std::max(1.0, std::floor(x.depth_m / kStep_m));
+        const int steps = std::max(1, static_cast<int>(x.depth_m / kStep_m));
+        const double step_m = x.depth_m / steps, rise_m = (x.height_m - 1) / std::max(1, steps - 1);
         along(x.from_m, x.to_m, 10, [&](double s0, double s1) {
-          for (double k = 0; k < steps; ++k)
-            addBlock(s0, s1, side, x.offset_m + k * x.depth_m / steps,
-                     x.offset_m + (k + 1) * x.depth_m / steps, -kFoot_m,
-                     1 + (x.height_m - 1) * k / std::max(1.0, steps - 1), Material::concrete);
+          for (int k = 0; k < steps; ++k)
+            addBlock(s0, s1, side, x.offset_m + k * step_m, x.offset_m + (k + 1) * step_m, -kFoot_m,
+                     1 + k * rise_m, Material::concrete);
         });
         return;
       }
@@ -237,46 +285,25 @@ class Builder {
 
   /** A height field that is as high as the verges near them and passes below the road. */
   void addGround() {
-    constexpr double kCell_m = 5, kReach_m = 220, kControls_m = 10, kBelow_m = 1, kRough_m = 0.06;
+    constexpr double kCell_m = 5, kControls_m = 10, kRough_m = 0.06;
     std::vector<Vector3d> controls;
     along(0, x_track.length_m(), kControls_m, [&](double s_m, double /*next*/) {
       for (const Side side : {Side::left, Side::right})
         controls.push_back(beside(s_m, side, verge_m(s_m, side), 0));
     });
-    Vector3d low = controls.front(), high = controls.front();
-    for (const auto& control : controls) {
-      low = low.cwiseMin(control);
-      high = high.cwiseMax(control);
-    }
-    const auto columns = static_cast<std::uint32_t>((high.x() - low.x() + 2 * kReach_m) / kCell_m) + 1;
-    const auto rows = static_cast<std::uint32_t>((high.y() - low.y() + 2 * kReach_m) / kCell_m) + 1;
+    const HeightBlend blend(controls);
+    const auto columns = static_cast<std::uint32_t>((blend.high().x() - blend.low().x()) / kCell_m) + 1;
+    const auto rows = static_cast<std::uint32_t>((blend.high().y() - blend.low().y()) / kCell_m) + 1;
     constexpr auto kNone = std::numeric_limits<std::uint32_t>::max();
     std::vector<std::uint32_t> vertices(static_cast<std::size_t>(columns) * rows, kNone);
     for (std::uint32_t j = 0; j < rows; ++j)
       for (std::uint32_t i = 0; i < columns; ++i) {
-        const double x_m = low.x() - kReach_m + i * kCell_m, y_m = low.y() - kReach_m + j * kCell_m;
-        double weights = 0, sum = 0, nearest_m2 = std::numeric_limits<double>::infinity();
-        for (const auto& control : controls) {
-          const double d2 =
-              (control.x() - x_m) * (control.x() - x_m) + (control.y() - y_m) * (control.y() - y_m);
-          const double weight = 1 / (d2 * d2 + 1);
-          weights += weight;
-          sum += weight * control.z();
-          nearest_m2 = std::min(nearest_m2, d2);
-        }
-        if (nearest_m2 > kReach_m * kReach_m) continue;
+        const double x_m = blend.low().x() + i * kCell_m, y_m = blend.low().y() + j * kCell_m;
+        const auto height_m = blend.at(x_m, y_m);
+        if (!height_m) continue;
         const std::size_t index = static_cast<std::size_t>(j) * columns + i;
-        double z_m = sum / weights + kRough_m * (2 * x_noise.uniform((1ULL << 40) + index) - 1);
-        if (const auto place = x_track.locate({x_m, y_m, z_m}, 60)) {
-          const RoadFrame frame = x_track.at(place->s_m);
-          const double right_m = frame.right_m + verge_m(place->s_m, Side::right);
-          const double left_m = frame.left_m + verge_m(place->s_m, Side::left);
-          if (place->n_m > -right_m - kCell_m && place->n_m < left_m + kCell_m) {
-            const double inside_m = std::clamp(place->n_m, -right_m, left_m);
-            z_m = std::min(z_m, (frame.T_map_road * Vector3d(0, inside_m, 0)).z()) - kBelow_m;
-          }
-        }
-        vertices[index] = x_mesh.vertex({x_m, y_m, z_m});
+        const double rough_m = kRough_m * (2 * x_noise.uniform((1ULL << 40) + index) - 1);
+        vertices[index] = x_mesh.vertex(belowRoad({x_m, y_m, *height_m + rough_m}, kCell_m));
       }
     for (std::uint32_t j = 0; j + 1 < rows; ++j)
       for (std::uint32_t i = 0; i + 1 < columns; ++i) {
@@ -285,6 +312,20 @@ class Builder {
                             d = vertices[index + columns];
         if (a != kNone && b != kNone && c != kNone && d != kNone) x_mesh.quad(a, b, c, d, Material::grass);
       }
+  }
+
+  /** A point of the ground, lowered where the road and its verges, and `margin_m` more, are above it. */
+  [[nodiscard]] Vector3d belowRoad(Vector3d p_m, double margin_m) const {
+    constexpr double kBelow_m = 1, kWidest_m = 60;
+    const auto place = x_track.locate(p_m, kWidest_m);
+    if (!place) return p_m;
+    const RoadFrame frame = x_track.at(place->s_m);
+    const double right_m = frame.right_m + verge_m(place->s_m, Side::right);
+    const double left_m = frame.left_m + verge_m(place->s_m, Side::left);
+    if (place->n_m < -right_m - margin_m || place->n_m > left_m + margin_m) return p_m;
+    const Vector3d above = frame.T_map_road * Vector3d(0, std::clamp(place->n_m, -right_m, left_m), 0);
+    p_m.z() = std::min(p_m.z(), above.z()) - kBelow_m;
+    return p_m;
   }
 
   const Circuit& x_circuit;

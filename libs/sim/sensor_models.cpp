@@ -10,11 +10,10 @@ namespace raceloc {
 
 namespace {
 
-constexpr double kDegree = M_PI / 180;
 constexpr std::uint64_t kConstants = 1ULL
                                      << 50;  // numbers beyond those of any message: for what is drawn once
 
-/** Three normal numbers of a message that has `per_message` of them. */
+/** Three normal numbers, `first` and the two after it. */
 Eigen::Vector3d normals(const Noise& noise, std::uint64_t first) {
   return {noise.normal(first), noise.normal(first + 1), noise.normal(first + 2)};
 }

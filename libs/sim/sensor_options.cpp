@@ -2,10 +2,6 @@
 
 namespace raceloc {
 
-namespace {
-constexpr double kDegree = M_PI / 180;
-}
-
 void DeviceOptions::describeDevice(OptionList& keys) {
   keys.add("rate_hz", rate_hz, between(0.1, 1000), "messages a second [Hz]");
   keys.add("phase_s", phase_s, between(0, 10), "of the first message, after the start [s]");
@@ -89,6 +85,18 @@ void VehicleOptions::describe(OptionList& keys) {
            "white noise of the steering, at the road wheels [deg]");
   keys.add("steering_offset_sigma_deg", steering_offset_sigma_deg, between(0, 45),
            "its offset, drawn once from the seed [deg]");
+}
+
+std::vector<DeviceName> CarFile::devices() const {
+  std::vector<DeviceName> names;
+  const auto list = [&](const auto& devices, const char* kind) {
+    for (const auto& device : devices) names.push_back({device.first, kind});
+  };
+  list(lidars, "lidar");
+  list(gps, "gps");
+  list(imus, "imu");
+  list(vehicles, "vehicle");
+  return names;
 }
 
 CarFile readCarFile(const std::string& path) {

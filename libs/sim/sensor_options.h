@@ -8,6 +8,7 @@
 
 #include "core/types.h"
 #include "sim/car_options.h"
+#include "sim/device_name.h"
 
 namespace raceloc {
 
@@ -19,7 +20,7 @@ struct DeviceOptions {
   double clock_offset_s = 0;
   double x_m = 0, y_m = 0, z_m = 0;
   [[nodiscard]] Eigen::Vector3d p_body_m() const { return {x_m, y_m, z_m}; }
-  /** \param phase, rate  of the device's clock, for people */
+  /** Adds the keys that all devices have. */
   void describeDevice(OptionList& keys);
 };
 
@@ -80,6 +81,7 @@ struct CarFile {
   Devices<GpsOptions> gps;
   Devices<ImuOptions> imus;
   Devices<VehicleOptions> vehicles;
+  [[nodiscard]] std::vector<DeviceName> devices() const;  ///< all of them
 };
 
 /** \throws InputError naming file, section, key and value; also for a file without any device. */

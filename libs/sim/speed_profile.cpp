@@ -133,13 +133,6 @@ double SpeedProfile::stationAfter(double time_s) const {
   return laps * x_length_m + (static_cast<double>(i) + within) * x_step_m;
 }
 
-double SpeedProfile::timeAt(double s_m) const {
-  const double turns = s_m / x_length_m;
-  const double row = (turns - std::floor(turns)) * static_cast<double>(x_speed_mps.size());
-  const auto i = std::min(static_cast<std::size_t>(row), x_speed_mps.size() - 1);
-  return x_time_s[i] + (row - static_cast<double>(i)) * (x_time_s[i + 1] - x_time_s[i]);
-}
-
 double SpeedProfile::top_mps() const { return *std::max_element(x_speed_mps.begin(), x_speed_mps.end()); }
 
 }  // namespace raceloc

@@ -27,7 +27,6 @@ class SpeedProfile {
   [[nodiscard]] double lap_s() const { return x_time_s.back(); }
   /** Station that is reached `time_s` after the start line, for cars that drive exactly this profile. */
   [[nodiscard]] double stationAfter(double time_s) const;
-  [[nodiscard]] double timeAt(double s_m) const;  ///< [s] since the start line, in [0, lap_s)
   [[nodiscard]] double top_mps() const;
   [[nodiscard]] double mean_mps() const { return x_line_m / lap_s(); }
 

@@ -14,16 +14,16 @@ struct Box {
   Eigen::Vector3d half_m;
 };
 
-/** First distance along a ray to one of the boxes, with the cosine of incidence; range 0 if it meets none.
- * \param direction_map of unit length */
 struct BoxHit {
-  double range_m = 0, cosine = 0;
+  double range_m = 0;  ///< 0: none
+  double cosine = 0;   ///< of the angle of incidence
 };
+/** The first of the boxes along a ray. \param direction_map of unit length */
 [[nodiscard]] BoxHit firstHit(const std::vector<Box>& boxes, const Eigen::Vector3d& origin_map_m,
                               const Eigen::Vector3d& direction_map);
 
-/** Cars that drive the same circuit a little slower, each beside the racing line, exactly at the speed
- * profile's pace. */
+/** Cars that drive the same circuit a little slower, each beside the racing line, at a share of the speed
+ * profile. Track, line and profile must outlive it. */
 class Traffic {
  public:
   /** \param cars     of the size of `car`, spread over the lap ahead of the start line */

@@ -8,7 +8,8 @@
 
 namespace raceloc {
 
-/** States of a car, kept for a while, and the motion between them. Times are since the start. */
+/** States of a car, kept for a while, and the motion between them. Times are since the start. The track must outlive
+ * it. */
 class TrueMotion {
  public:
   TrueMotion(const Track& track, const CarOptions& car, double memory_s)

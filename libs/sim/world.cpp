@@ -1,6 +1,7 @@
 #include "sim/world.h"
 
 #include <embree3/rtcore.h>
+#include <tbb/global_control.h>
 
 #include <Eigen/Geometry>
 #include <algorithm>
@@ -29,8 +30,8 @@ struct World::Embree {
 };
 
 World::World(const Mesh& mesh) : x_embree(std::make_unique<Embree>()) {
-  // One thread and one instruction set: the same tree, and so the same hits, on any machine that has AVX2.
-  x_embree->device = rtcNewDevice("threads=1,max_isa=avx2");
+  // One instruction set: the same hits on any machine that has AVX2. No `threads=`, which would bind all of TBB.
+  x_embree->device = rtcNewDevice("max_isa=avx2");
   if (x_embree->device == nullptr)
     throw std::runtime_error("Embree: no device, error " + std::to_string(rtcGetDeviceError(nullptr)));
   x_embree->scene = rtcNewScene(x_embree->device);
@@ -47,7 +48,10 @@ World::World(const Mesh& mesh) : x_embree(std::make_unique<Embree>()) {
   rtcCommitGeometry(geometry);
   rtcAttachGeometry(x_embree->scene, geometry);
   rtcReleaseGeometry(geometry);
-  rtcCommitScene(x_embree->scene);
+  {  // One thread builds the tree, so that it is always the same.
+    const tbb::global_control one(tbb::global_control::max_allowed_parallelism, 1);
+    rtcCommitScene(x_embree->scene);
+  }
   const RTCError error = rtcGetDeviceError(x_embree->device);
   if (error != RTC_ERROR_NONE) throw std::runtime_error("Embree: error " + std::to_string(error));
 

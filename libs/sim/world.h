@@ -30,8 +30,6 @@ class World {
   void cast(const Eigen::Vector3d& origin_map_m, const Eigen::Vector3d* directions_map, std::size_t n,
             double max_range_m, Hit* hits) const;
 
-  [[nodiscard]] std::size_t triangles() const { return x_planes.size(); }
-
  private:
   struct Plane {  // of a triangle: normal . p = offset
     Eigen::Vector3d normal;

@@ -15,11 +15,11 @@ namespace raceloc {
 
 namespace {
 
-constexpr double kDegree = M_PI / 180;
 constexpr double kGrid_m = 0.5;  // of the profiles along the segments
 constexpr std::size_t kCells_per_point = 4;
 constexpr double kMaxMiss_share = 0.01;  // of the length, or of a full turn
-constexpr double kMaxLength_m = 100'000;
+constexpr double kMaxLength_m = 30'000;
+constexpr double kMaxWidth_m = 50;  // from the centre line to an edge
 
 enum class Turn { straight, left, right };
 
@@ -43,8 +43,8 @@ struct Segment {
     keys.add("bank_end_deg", bank_end_deg, between(-45, 45), "bank at the segment's end [deg]");
     keys.add("grade_percent", grade_percent, between(-30, 30),
              "rise of the centre line, uphill is positive [%]");
-    keys.add("right_m", right_m, between(1, 50), "from the centre line to the right edge [m]");
-    keys.add("left_m", left_m, between(1, 50), "from the centre line to the left edge [m]");
+    keys.add("right_m", right_m, between(1, kMaxWidth_m), "from the centre line to the right edge [m]");
+    keys.add("left_m", left_m, between(1, kMaxWidth_m), "from the centre line to the left edge [m]");
     keys.add("wall_right_height_m", wall_right_height_m, between(0, 20), "wall on the right, 0: none [m]");
     keys.add("wall_right_offset_m", wall_right_offset_m, between(0, 50),
              "from the right edge to that wall [m]");
@@ -169,27 +169,26 @@ ClosedLine closed(Profiles p, double length_m, double start_rad, const std::stri
   ClosureMiss miss;
   const double turned_rad = p.step_m * sum(p.curvature_per_m);
   miss.heading_rad = turned_rad - 2 * M_PI * std::round(turned_rad / (2 * M_PI));
-  const Eigen::Vector3d raw = integrated(p, start_rad).back();
-  miss.gap_m = raw.head<2>().norm();
-  miss.height_m = raw.z();
-  if (miss.gap_m > kMaxMiss_share * length_m || std::abs(miss.height_m) > kMaxMiss_share * length_m ||
-      std::abs(miss.heading_rad) > kMaxMiss_share * 2 * M_PI) {
-    char text[240];
-    std::snprintf(text, sizeof text,
-                  ": the segments do not close: their end misses the start by %.1f m (%.2f %% of %.1f m; at "
-                  "most 1 %%), "
-                  "%.1f m in height and %.2f deg; change lengths, radii or grades",
-                  miss.gap_m, 100 * miss.gap_m / length_m, length_m, miss.height_m,
-                  miss.heading_rad / kDegree);
-    throw InputError("track " + path + text);
-  }
-
+  miss.gap_m = integrated(p, start_rad).back().head<2>().norm();
   const double bend =
       std::accumulate(p.curvature_per_m.begin(), p.curvature_per_m.end(), 0.0,
                       [](double total, double curvature) { return total + std::abs(curvature); });
   for (double& curvature : p.curvature_per_m)
     if (bend > 0) curvature -= miss.heading_rad / p.step_m * std::abs(curvature) / bend;
   const auto line = integrated(p, start_rad);
+  // Turning the heading right moves the end too: what is left to distribute may be more than what was missed.
+  miss.gap_m = std::max(miss.gap_m, line.back().head<2>().norm());
+  miss.height_m = line.back().z();
+  if (miss.gap_m > kMaxMiss_share * length_m || std::abs(miss.height_m) > kMaxMiss_share * length_m ||
+      std::abs(miss.heading_rad) > kMaxMiss_share * 2 * M_PI) {
+    char text[240];
+    std::snprintf(text, sizeof text,
+                  ": the segments do not close: their end misses the start by %.1f m (%.2f %% of %.1f m; at "
+                  "most 1 %%), %.1f m in height and %.2f deg; change lengths, radii or grades",
+                  miss.gap_m, 100 * miss.gap_m / length_m, length_m, miss.height_m,
+                  miss.heading_rad / kDegree);
+    throw InputError("track " + path + text);
+  }
 
   ClosedLine result{{}, miss};
   const std::size_t n = p.grade.size();
@@ -287,9 +286,9 @@ ClosedLine readCentreLine(const std::string& path) {
     const std::string where = "track " + path + ", line " + std::to_string(number) + ": ";
     if (v.size() != 4) throw InputError(where + "not four numbers x_m,y_m,w_tr_right_m,w_tr_left_m: " + text);
     for (const std::size_t k : {2U, 3U})
-      if (!(v[k] > 0))
+      if (!(v[k] > 0 && v[k] <= kMaxWidth_m))
         throw InputError(where + (k == 2 ? "w_tr_right_m = " : "w_tr_left_m = ") + std::to_string(v[k]) +
-                         ", but a width must be > 0");
+                         ", but a width must be > 0 and at most 50 m");
     const Eigen::Vector3d p_m(v[0], v[1], 0);
     if (!line.points.empty()) {
       const double gap_m = (p_m - line.points.back().p_map_m).norm();
@@ -299,7 +298,7 @@ ClosedLine readCentreLine(const std::string& path) {
       length_m += gap_m;
     }
     line.points.push_back({p_m, 0, v[2], v[3]});
-    if (length_m > kMaxLength_m) throw InputError(where + "the line is longer than 100 km");
+    if (length_m > kMaxLength_m) throw InputError(where + "the line is longer than 30 km");
   }
   // Some files repeat the first point at the end; else the loop closes with one more step.
   const double gap_m =
@@ -369,7 +368,7 @@ Circuit circuitOfIni(const std::string& path) {
     for (const auto& segment : segments) length_m += segment.length_m;
     if (length_m > kMaxLength_m || length_m < 50)
       throw InputError("track " + path + ": the segments are " + std::to_string(length_m) +
-                       " m long, but it must be 50 m to 100 km");
+                       " m long, but it must be 50 m to 30 km");
     const auto profiles = profilesOf(segments, length_m, header.transition_m);
     circuit.emplace(
         assembled(path, header, closed(profiles, length_m, kDegree * (90 - header.start_heading_deg), path)));
@@ -412,7 +411,7 @@ void Scenery::describe(OptionList& keys) {
 }
 
 void Pace::describe(OptionList& keys) {
-  keys.add("top_speed_mps", top_speed_mps, between(1, 120), "never faster [m/s]");
+  keys.add("top_speed_mps", top_speed_mps, between(3, 120), "never faster [m/s]");
   keys.add("lateral_limit_mps2", lateral_limit_mps2, between(1, 100),
            "sideways force on the car per mass, in the road's plane, that the driver accepts; the car's own "
            "limit holds too [m/s^2]");

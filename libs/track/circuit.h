@@ -43,7 +43,8 @@ struct Pace {
   void describe(OptionList& keys);
 };
 
-/** By how much the segments of a file missed a closed loop, before the miss was distributed over them. */
+/** By how much the segments of a file missed a closed loop; the gap before or after the heading was put right,
+ * whichever is larger. Zero for a centre line. */
 struct ClosureMiss {
   double gap_m = 0, height_m = 0, heading_rad = 0;
 };

@@ -48,7 +48,6 @@ class PeriodicSpline {
   }
 
   [[nodiscard]] double period() const { return x_step * static_cast<double>(x_knots.size()); }
-  [[nodiscard]] double step() const { return x_step; }
   [[nodiscard]] std::size_t size() const { return x_knots.size(); }
 
   /** At any parameter; one beyond the period wraps. */

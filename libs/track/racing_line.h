@@ -6,8 +6,10 @@
 
 namespace raceloc {
 
-/** The line of least curvature between the edges: the sum of squared curvature of the path is minimal under
- * n in [margin - right, left - margin], by Ceres. Closed and twice continuously differentiable. */
+/** The line that bends least between the edges: the sum of squared second differences of its points at equal steps of the
+ * centre line is minimal under n in [margin - right, left - margin], by Ceres. That is its curvature up to the stretch
+ * between line and centre line. Closed and twice continuously differentiable.
+ * Source: Heilmeier et al., Vehicle System Dynamics 58 (2020): minimum curvature as least squares. */
 class RacingLine {
  public:
   /** \param margin_m  from the car's centre line to the edges; where the road is narrower than twice that, the

@@ -60,7 +60,9 @@ Track::Track(const std::vector<TrackPoint>& points) {
       throw std::invalid_argument("Track: points must be 0.2 to 20 m apart");
   }
   x_road = byArcLength(points);
-  for (double s_m = 0; s_m < length_m(); s_m += kStations_m) {
+  const auto stations = static_cast<std::size_t>(std::ceil(length_m() / kStations_m));
+  for (std::size_t i = 0; i < stations; ++i) {
+    const double s_m = static_cast<double>(i) * kStations_m;
     const auto p = x_road(s_m).value;
     x_stations[cellOf(p.x(), p.y())].push_back(s_m);
   }

@@ -55,7 +55,7 @@ class Track {
     double height_m;  ///< above the surface, along the z axis of the centre line beside it
   };
   /** The place on the track nearest to a point; none if the centre line is farther than `within_m` (at most
-   * 200 m). Where two parts of the track are equally near, the one nearer in space. */
+   * 200 m). */
   [[nodiscard]] std::optional<Place> locate(const Eigen::Vector3d& p_map_m, double within_m = 60) const;
 
  private:

@@ -3,6 +3,8 @@
 #include <benchmark/benchmark.h>
 #include <tbb/global_control.h>
 
+#include <algorithm>
+
 #include "sim/race.h"
 #include "sim/scenery.h"
 #include "support/lap.h"
@@ -18,8 +20,9 @@ void BM_Sweep(benchmark::State& state) {
   test::Lap lap("monza_like", "road_car");
   const World world(sceneryMesh(lap.circuit, 1));
   const Traffic nobody(lap.circuit.track, lap.line, lap.profile, lap.file.car, 0, 1);
-  const LidarOptions& options =
-      lap.file.lidars.back().second.beams == 128 ? lap.file.lidars.back().second : lap.file.lidars[2].second;
+  const auto top = std::find_if(lap.file.lidars.begin(), lap.file.lidars.end(),
+                                [](const auto& lidar) { return lidar.first == "lidar_top"; });
+  const LidarOptions& options = top->second;
   const LidarModel lidar(options, "lidar", 1);
   lap.driveUntil(30);
   std::uint64_t number = 0;

@@ -286,7 +286,7 @@ TEST_F(RawlogProperty, MessagesAreTheSamplesAsTheyWereWritten) {
     }
     MessageReader reader(log());
     for (const auto& sample : written) {
-      const auto message = reader.next([](const std::string& label, double) { return label == "a"; });
+      const auto message = reader.next([](const LogMessage& m) { return m.label == "a"; });
       ASSERT_TRUE(message);
       EXPECT_EQ(message->label, labelOf(sample));
       EXPECT_NEAR(message->stamp_s, stampOf(sample), 2.4e-7);  // two steps of a double at 1e9

@@ -187,7 +187,6 @@ TEST_P(EveryKind, ChangesItsDevicesInItsIntervalAndNotOneBitElse) {
       EXPECT_EQ(untouched.touches(label, stampOf(m.sample)), is_meant);
       for (const auto& r : results[i]) {
         EXPECT_GE(r.arrival_s, m.arrival_s);
-        EXPECT_LE(r.arrival_s, m.arrival_s + untouched.maxDelay_s() + 1e-6);  // doubles of the epoch
       }
       if (bitsOf(results[i]) == bitsOf({m})) continue;
       ++changes[label];
@@ -504,7 +503,6 @@ TEST(MessageFaultProperty, LateMessagesKeepTheirStamps) {
     FaultInjector injector({fault}, kStart_s, 1);
     const Delivery message{kStart_s + 5, scanAt(rnd, 4.9, "lidar_left", 5)};
     EXPECT_EQ(bitsOf(injector.apply(message)), bitsOf({{message.arrival_s + fault.delay_s, message.sample}}));
-    EXPECT_EQ(injector.maxDelay_s(), fault.delay_s);
   });
 }
 
@@ -749,8 +747,7 @@ TEST(FaultsProperty, DelaysAddUpToTheLargestOne) {
     std::vector<Fault> faults = {faultOf(FaultKind::message_late), faultOf(FaultKind::message_shuffled),
                                  faultOf(FaultKind::message_duplicated, "gps_*")};
     faults[2].again_after_s = 0.02;
-    const double most_s = FaultInjector(faults, kStart_s, 1).maxDelay_s();
-    EXPECT_DOUBLE_EQ(most_s, faults[0].delay_s + faults[1].window_s + faults[2].again_after_s);
+    const double most_s = faults[0].delay_s + faults[1].window_s + faults[2].again_after_s;
     const auto results = injected(faults, messages, 1);
     for (std::size_t i = 0; i < messages.size(); ++i)
       for (const auto& r : results[i]) EXPECT_LE(r.arrival_s, messages[i].arrival_s + most_s + 1e-6);

@@ -590,7 +590,7 @@ TEST_F(MessageReaderTest, WithoutAHeaderTheFirstFixIsTheOrigin) {
 
 TEST_F(MessageReaderTest, AFixThatIsNotWantedIsTheOriginAllTheSame) {
   MessageReader reader(logOf({}, *foreignFix(1, 4, {})));
-  EXPECT_FALSE(reader.next([](const std::string&, double) { return false; })->sample);
+  EXPECT_FALSE(reader.next([](const LogMessage&) { return false; })->sample);
   EXPECT_TRUE(reader.origin());
 }
 

@@ -27,7 +27,6 @@ using ::testing::SizeIs;
 
 const fs::path kRoot = RACELOC_ROOT;
 const fs::path kCentreLines = kRoot / "../shared/data/tracks";
-constexpr double kDegree = M_PI / 180;
 
 /** Points on a level circle to the left about (0, radius), from the origin on. */
 std::vector<TrackPoint> circle(double radius_m, double bank_rad) {
