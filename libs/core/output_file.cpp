@@ -20,7 +20,6 @@ std::string temporaryName(const std::string& path) {
   return (p.parent_path() / (p.stem().string() + ".part" + p.extension().string())).string();
 }
 
-
 }  // namespace
 
 InputError cannotWrite(const std::string& path, const std::string& reason) {
