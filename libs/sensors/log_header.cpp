@@ -32,7 +32,7 @@ CObservationComment toObservation(const LogHeader& header) {
 }
 
 LogHeader headerIn(const CObservationComment& comment) {
-  const LogHeader foreign{std::nullopt, comment.text};
+  LogHeader foreign{std::nullopt, comment.text};
   std::istringstream lines(comment.text);
   std::string line;
   if (!std::getline(lines, line) || line.rfind("[raceloc]", 0) != 0) return foreign;

@@ -34,7 +34,7 @@ Traffic::Traffic(const Track& track, const RacingLine& line, const SpeedProfile&
     : x_track(track), x_line(line), x_profile(profile), x_car(car) {
   const Noise noise(seed, "traffic");
   for (int i = 0; i < cars; ++i) {
-    const auto k = static_cast<std::uint64_t>(3 * i);
+    const auto k = 3 * static_cast<std::uint64_t>(i);
     const double share = (i + 0.3 + 0.4 * noise.uniform(k)) / cars;
     x_drivers.push_back({share * profile.lap_s(), 0.94 + 0.04 * noise.uniform(k + 1),
                          (noise.uniform(k + 2) < 0.5 ? -1 : 1) * (1 + 0.25 * i)});

@@ -6,7 +6,6 @@
 #include <Eigen/Geometry>
 #include <algorithm>
 #include <cmath>
-#include <cstring>
 #include <limits>
 #include <stdexcept>
 #include <string>
@@ -43,8 +42,9 @@ World::World(const Mesh& mesh) : x_embree(std::make_unique<Embree>()) {
   void* indices = rtcSetNewGeometryBuffer(geometry, RTC_BUFFER_TYPE_INDEX, 0, RTC_FORMAT_UINT3,
                                           3 * sizeof(std::uint32_t), mesh.triangles.size());
   if (vertices == nullptr || indices == nullptr) throw std::runtime_error("Embree: out of memory");
-  std::memcpy(vertices, mesh.vertices.data(), mesh.vertices.size() * sizeof(Eigen::Vector3f));
-  std::memcpy(indices, mesh.triangles.data(), mesh.triangles.size() * 3 * sizeof(std::uint32_t));
+  std::copy(mesh.vertices.begin(), mesh.vertices.end(), static_cast<Eigen::Vector3f*>(vertices));
+  std::copy(mesh.triangles.begin(), mesh.triangles.end(),
+            static_cast<std::array<std::uint32_t, 3>*>(indices));
   rtcCommitGeometry(geometry);
   rtcAttachGeometry(x_embree->scene, geometry);
   rtcReleaseGeometry(geometry);
