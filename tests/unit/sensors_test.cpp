@@ -263,10 +263,10 @@ TEST_F(SensorsTest, VelocityIsWrittenAsReceiversSayIt) {
   EXPECT_EQ(double{rmc.fields.longitude_degrees}, double{gga.longitude_degrees});
   EXPECT_EQ(rmc.fields.date_day, 5);
   EXPECT_EQ(rmc.fields.date_month, 9);
-  EXPECT_EQ(rmc.fields.date_year, 25);
+  EXPECT_EQ(int{rmc.fields.date_year}, 25);
   EXPECT_EQ(rmc.fields.UTCTime.hour, 0);
   EXPECT_EQ(rmc.fields.UTCTime.minute, 27);
-  EXPECT_EQ(rmc.fields.UTCTime.sec, 38.5);
+  EXPECT_EQ(double{rmc.fields.UTCTime.sec}, 38.5);
   EXPECT_EQ(fromMrptStamp(rmc.getDateAsTimestamp()), 1757030400);  // the midnight before
 }
 
