@@ -113,6 +113,9 @@ void inject(const InjectArgs& args) {
   log.commit();
   std::printf("messages         %zu, of which %zu within a fault, %zu of these lost\n", messages, touched,
               lost);
+  if (touched == 0)
+    std::printf("NO EFFECT        no message lies within a fault: the log lasts %.1f s\n",
+                summary.last_s - summary.first_s);
   if (dropped_poses > 0)
     std::printf("DROPPED          %zu INS poses: the log has no origin, so their frame is unknown\n",
                 dropped_poses);

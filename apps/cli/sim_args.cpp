@@ -50,7 +50,7 @@ SYNOPSIS
   raceloc-sim inject --faults FAULTS.ini [--seed S] -i LOG.rawlog -o FAULTY.rawlog
 
 DESCRIPTION
-  Times of the faults count from the first stamp of the log. Messages that no fault touches are copied as they are. The
+  Times of the faults count from the first stamp of the log; those of ini/sim/faults begin after 20 s. Messages that no fault touches are copied as they are. The
   others are written anew, as raceloc writes its own logs: a GPS with position, sigmas, speed and course; an odometry with
   its velocity alone; an IMU in the body's axes; Velodyne packets as a point cloud. Actions, the bounds of sensory frames and
   comments behind the header are left out. What was injected is in the header. Same log, faults and seed: the same bytes.
@@ -62,6 +62,11 @@ EXIT STATUS
   0 done; 2 an input is missing or wrong (one line says which); 1 a fault of raceloc.
 )";
 
+void requireLogName(const std::string& path) {
+  if (std::filesystem::path(path).extension() != ".rawlog")
+    throw InputError("output " + path + ": a log's name ends in .rawlog");
+}
+
 std::optional<SimArgs> parseInject(std::vector<std::string> words) {
   CommandLine cmd(kInjectManual);
   Text out("o", "output", "the rawlog to write", true, "", "FAULTY.rawlog", cmd);
@@ -70,6 +75,7 @@ std::optional<SimArgs> parseInject(std::vector<std::string> words) {
   Text seed("", "seed", "of what is random in the faults (default 1)", false, "1", "N", cmd);
   Text faults("", "faults", "what goes wrong", true, "", "FAULTS.ini", cmd);
   if (!cmd.parse(std::move(words))) return std::nullopt;
+  requireLogName(out.getValue());
   std::error_code ignored;
   if (std::filesystem::equivalent(in.getValue(), out.getValue(), ignored))
     throw InputError("output " + out.getValue() + ": is the input itself; give it another name");
@@ -131,8 +137,9 @@ std::optional<SimArgs> parseSimArgs(int argc, char** argv) {
   if (args.race.stand_s > 0 && args.race.start_mps != 0.0)
     throw InputError("--stand " + stand.getValue() +
                      ": a car that stands on the grid starts with --start-speed 0");
-  if (out.isSet() && std::filesystem::path(args.log_path).extension() != ".rawlog")
-    throw InputError("output " + args.log_path + ": a log's name ends in .rawlog");
+  if (out.isSet()) requireLogName(args.log_path);
+  if (preview.isSet() && std::filesystem::path(args.preview_path).extension() != ".png")
+    throw InputError("output " + args.preview_path + ": a picture's name ends in .png");
   return SimArgs(args);
 }
 

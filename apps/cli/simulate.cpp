@@ -8,6 +8,7 @@
 #include <filesystem>
 #include <future>
 #include <limits>
+#include <sstream>
 
 #include "cli/app.h"
 #include "cli/track_preview.h"
@@ -127,6 +128,30 @@ class RaceFiles {
   std::future<void> x_writing;  ///< the last member: it is waited for before the others go
 };
 
+/** The manifest has a name that the user did not choose: it must not fall on what was read. */
+void requireNotInput(const std::string& output, const SimulateArgs& args) {
+  for (const auto& input : {args.track_path, args.car_path, args.faults_path}) {
+    std::error_code missing;
+    if (std::filesystem::equivalent(input, output, missing))
+      throw InputError("output " + output + ": is an input of this run; give the log another name");
+  }
+}
+
+/** \throws InputError for a pattern that no device has: a slip of the keys would leave it out in silence. */
+void requireEachPattern(const std::string& patterns, const CarFile& car) {
+  std::istringstream words(patterns);
+  const auto devices = car.devices();
+  for (std::string word; words >> word;) {
+    if (std::any_of(devices.begin(), devices.end(),
+                    [&](const auto& device) { return matchesLabel(word, device.label); }))
+      continue;
+    std::vector<std::string> labels;
+    for (const auto& device : devices) labels.push_back(device.label);
+    throw InputError("car " + car.path + ": no device labelled " + word + " (it has: " + listed(labels) +
+                     ")");
+  }
+}
+
 void print(const Circuit& circuit, const SpeedProfile& profile) {
   std::printf("track            %s, %.1f m\n", circuit.name.c_str(), circuit.track.length_m());
   if (circuit.miss.gap_m > 0)
@@ -147,6 +172,10 @@ void simulate(const SimulateArgs& args) {
   Circuit circuit = readCircuit(args.track_path);
   if (args.top_speed_mps) circuit.pace.top_speed_mps = *args.top_speed_mps;
   const CarFile car = readCarFile(args.car_path);
+  requireEachPattern(args.race.labels, car);
+  if (args.race.start_mps && *args.race.start_mps > circuit.pace.top_speed_mps)
+    throw InputError("--start-speed is above the top speed of " + number(circuit.pace.top_speed_mps) +
+                     " m/s");
   std::vector<Fault> faults;
   if (!args.faults_path.empty()) {
     faults = readFaults(args.faults_path);
@@ -168,6 +197,7 @@ void simulate(const SimulateArgs& args) {
     }
   }
 
+  requireNotInput(besides(args.log_path, "_manifest.ini"), args);
   const OutputFile probe(args.log_path);  // an output that cannot be written is told before the work
   const auto start = std::chrono::steady_clock::now();
   Race race(circuit, car, args.race);
@@ -200,6 +230,10 @@ void simulate(const SimulateArgs& args) {
   std::printf("%s", toText(files.devices()).c_str());
   if (!faults.empty())
     std::printf("faults           %zu, from %s\n", faults.size(), args.faults_path.c_str());
+  for (const auto& fault : faults)
+    if (fault.from_s > simulated_s)
+      std::printf("NO EFFECT        [%s] begins at %.1f s, after the end\n", fault.section.c_str(),
+                  fault.from_s);
   const double wall_s = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
   std::printf(
       "run              %.1f s wall for %.1f s simulated, %.1f M LiDAR returns, peak memory %.0f MiB\n",

@@ -148,7 +148,15 @@ IniFile::IniFile(const std::string& path) : x_path(path) {
     }
   }
   if (!in.eof()) throw InputError("ini " + path + ": cannot be read; check the path");
-  x_file = std::make_unique<mrpt::config::CConfigFileMemory>(text);
+  try {
+    x_file = std::make_unique<mrpt::config::CConfigFileMemory>(text);
+  } catch (const std::exception& e) {  // MRPT's own syntax: ${X}, $eval{}
+    std::string reason = e.what();
+    reason = reason.substr(0, reason.find_first_of("\r\n"));
+    std::replace_if(
+        reason.begin(), reason.end(), [](unsigned char c) { return std::isprint(c) == 0; }, '?');
+    throw InputError("ini " + path + ": is no ini file (" + reason + ")");
+  }
 }
 
 IniFile::~IniFile() = default;

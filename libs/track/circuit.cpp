@@ -19,7 +19,7 @@ constexpr double kGrid_m = 0.5;  // of the profiles along the segments
 constexpr std::size_t kCells_per_point = 4;
 constexpr double kMaxMiss_share = 0.01;  // of the length, or of a full turn
 constexpr double kMaxLength_m = 30'000;
-constexpr double kMaxWidth_m = 50;  // from the centre line to an edge
+constexpr double kMinWidth_m = 1, kMaxWidth_m = 50;  // from the centre line to an edge
 
 enum class Turn { straight, left, right };
 
@@ -43,8 +43,10 @@ struct Segment {
     keys.add("bank_end_deg", bank_end_deg, between(-45, 45), "bank at the segment's end [deg]");
     keys.add("grade_percent", grade_percent, between(-30, 30),
              "rise of the centre line, uphill is positive [%]");
-    keys.add("right_m", right_m, between(1, kMaxWidth_m), "from the centre line to the right edge [m]");
-    keys.add("left_m", left_m, between(1, kMaxWidth_m), "from the centre line to the left edge [m]");
+    keys.add("right_m", right_m, between(kMinWidth_m, kMaxWidth_m),
+             "from the centre line to the right edge [m]");
+    keys.add("left_m", left_m, between(kMinWidth_m, kMaxWidth_m),
+             "from the centre line to the left edge [m]");
     keys.add("wall_right_height_m", wall_right_height_m, between(0, 20), "wall on the right, 0: none [m]");
     keys.add("wall_right_offset_m", wall_right_offset_m, between(0, 50),
              "from the right edge to that wall [m]");
@@ -286,9 +288,9 @@ ClosedLine readCentreLine(const std::string& path) {
     const std::string where = "track " + path + ", line " + std::to_string(number) + ": ";
     if (v.size() != 4) throw InputError(where + "not four numbers x_m,y_m,w_tr_right_m,w_tr_left_m: " + text);
     for (const std::size_t k : {2U, 3U})
-      if (!(v[k] > 0 && v[k] <= kMaxWidth_m))
+      if (!(v[k] >= kMinWidth_m && v[k] <= kMaxWidth_m))
         throw InputError(where + (k == 2 ? "w_tr_right_m = " : "w_tr_left_m = ") + std::to_string(v[k]) +
-                         ", but a width must be > 0 and at most 50 m");
+                         ", but a width must be 1 to 50 m");
     const Eigen::Vector3d p_m(v[0], v[1], 0);
     if (!line.points.empty()) {
       const double gap_m = (p_m - line.points.back().p_map_m).norm();

@@ -311,6 +311,32 @@ TEST_F(BadSim, VibrationNeedsAVehicle) {
                            {"--devices", "gps_*", "--faults", fault("gps_vibration")}),
                 {"gps_vibration", "vehicle"});
 }
+TEST_F(BadSim, PreviewIsNoPicture) {
+  const auto track_text = readFile(track("lor"));
+  writeFile(in / "t.ini", track_text);
+  expectRefused(
+      {app("raceloc-sim"), "--track", in / "t.ini", "--car", ini("sim/indy.ini"), "--preview", in / "t.ini"},
+      {in / "t.ini", ".png"});
+  EXPECT_EQ(readFile(in / "t.ini"), track_text);
+}
+TEST_F(BadSim, ManifestWouldFallOnAnInput) {
+  const auto text = readFile(ini("sim/indy.ini"));
+  writeFile(in / "x_manifest.ini", text);
+  expectRefused(simCommand(in / "x_manifest.ini", in / "x.rawlog"), {in / "x_manifest.ini", "input"});
+  EXPECT_EQ(readFile(in / "x_manifest.ini"), text);
+}
+TEST_F(BadSim, OneOfTheDevicesIsMistyped) {
+  expectRefused(simCommand(ini("sim/indy.ini"), out / "a.rawlog", {"--devices", "imu nope"}),
+                {"nope", "lidar_front"});
+}
+TEST_F(BadSim, StartIsFasterThanTheTopSpeed) {
+  expectRefused(
+      simCommand(ini("sim/indy.ini"), out / "a.rawlog", {"--start-speed", "50", "--top-speed", "10"}),
+      {"--start-speed", "10 m/s"});
+}
+TEST_F(BadSim, TrackHasAnUnknownVariable) {
+  expectRefusedTrack("\nright_m = [0-9.]+", "\nright_m = $${b}", {"${b}"});
+}
 TEST_F(BadSim, InjectedLogIsMissing) {
   expectRefused({app("raceloc-sim"), "inject", "--faults", fault("gps_outage"), "-i", in / "no.rawlog", "-o",
                  out / "o.rawlog"},

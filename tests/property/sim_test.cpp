@@ -89,6 +89,21 @@ TEST_P(Car, KeepsToItsTyresAndItsLine) {
   EXPECT_GT(lap.car.state().s_m, lap.circuit.track.length_m());
 }
 
+TEST_P(Car, DriverDoesNotChatterBetweenThrottleAndBrakes) {
+  Lap lap(GetParam().first, GetParam().second);
+  int switches = 0, last = 0;
+  while (lap.car.state().time_s < lap.profile.lap_s()) {
+    lap.car.step();
+    const double pull_mps2 = lap.car.state().forward_mps2;
+    const int sense = pull_mps2 > 2 ? 1 : (pull_mps2 < -2 ? -1 : 0);
+    if (sense == 0 || sense == last) continue;
+    if (last != 0) ++switches;
+    last = sense;
+  }
+  // Twice a corner, in at most 16 corners a lap; a line with bends of its own made four a second.
+  EXPECT_LE(switches, 2 * 16);
+}
+
 TEST_P(Car, ForcesThatItsMotionTellsOfAreWithinFriction) {
   // From positions alone: what the road must have pushed with, for the centre of mass to move as it did.
   Lap lap(GetParam().first, GetParam().second);

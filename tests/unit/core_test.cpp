@@ -159,6 +159,11 @@ TEST(Options, KeysAndSectionsIgnoreCase) {
   EXPECT_EQ(options.voxel_size_m, 2);
 }
 
+TEST(Options, AVariableThatIsNotDefinedIsTheUsersError) {
+  EXPECT_THAT(complaint([] { (void)loaded("share = ${b}\n"); }),
+              AllOf(HasSubstr("sample.ini"), HasSubstr("${b}")));
+}
+
 TEST(Options, ASectionThatIsThereTwiceIsRefused) {
   EXPECT_THAT(complaint([] { (void)loaded("share = 1\n  [Sample] // again\nshare = 0\n"); }),
               HasSubstr("section [Sample] is there twice"));
