@@ -146,6 +146,7 @@ void requireEachPattern(const std::string& patterns, const CarFile& car) {
                     [&](const auto& device) { return matchesLabel(word, device.label); }))
       continue;
     std::vector<std::string> labels;
+    labels.reserve(devices.size());
     for (const auto& device : devices) labels.push_back(device.label);
     throw InputError("car " + car.path + ": no device labelled " + word + " (it has: " + listed(labels) +
                      ")");
