@@ -50,10 +50,11 @@ SYNOPSIS
   raceloc-sim inject --faults FAULTS.ini [--seed S] -i LOG.rawlog -o FAULTY.rawlog
 
 DESCRIPTION
-  Times of the faults count from the first stamp of the log; those of ini/sim/faults begin after 20 s. Messages that no fault touches are copied as they are. The
-  others are written anew, as raceloc writes its own logs: a GPS with position, sigmas, speed and course; an odometry with
-  its velocity alone; an IMU in the body's axes; Velodyne packets as a point cloud. Actions, the bounds of sensory frames and
-  comments behind the header are left out. What was injected is in the header. Same log, faults and seed: the same bytes.
+  Times of the faults count from the first stamp of the log; those of ini/sim/faults begin after 20 s. Messages that no
+  fault touches are copied as they are. The others are written anew, as raceloc writes its own logs: a GPS with position,
+  sigmas, speed and course; an odometry with its velocity alone; an IMU in the body's axes; Velodyne packets as a point
+  cloud. Actions, the bounds of sensory frames and comments behind the header are left out. What was injected is in the
+  header. Same log, faults and seed: the same bytes.
 
 EXAMPLES
   raceloc-sim inject --faults ini/sim/faults/gps_noise_5m.ini --seed 3 -i race.rawlog -o race_noisy.rawlog

@@ -8,7 +8,6 @@
 #include <filesystem>
 #include <future>
 #include <limits>
-#include <sstream>
 
 #include "cli/app.h"
 #include "cli/track_preview.h"
@@ -119,10 +118,10 @@ class RaceFiles {
     x_batch = {};
   }
   std::string x_manifest_path, x_manifest;
+  // The next three are touched by the writing thread alone until commit().
   TumWriter x_truth;
   LogWriter x_log;
-  DeviceTally
-      x_tally;  // like the two writers and x_truths, touched by the writing thread alone until commit()
+  DeviceTally x_tally;
   std::size_t x_scans = 0, x_returns = 0;
   std::vector<RaceMessage> x_batch;
   std::future<void> x_writing;  ///< the last member: it is waited for before the others go
@@ -134,22 +133,6 @@ void requireNotInput(const std::string& output, const SimulateArgs& args) {
     std::error_code missing;
     if (std::filesystem::equivalent(input, output, missing))
       throw InputError("output " + output + ": is an input of this run; give the log another name");
-  }
-}
-
-/** \throws InputError for a pattern that no device has: a slip of the keys would leave it out in silence. */
-void requireEachPattern(const std::string& patterns, const CarFile& car) {
-  std::istringstream words(patterns);
-  const auto devices = car.devices();
-  for (std::string word; words >> word;) {
-    if (std::any_of(devices.begin(), devices.end(),
-                    [&](const auto& device) { return matchesLabel(word, device.label); }))
-      continue;
-    std::vector<std::string> labels;
-    labels.reserve(devices.size());
-    for (const auto& device : devices) labels.push_back(device.label);
-    throw InputError("car " + car.path + ": no device labelled " + word + " (it has: " + listed(labels) +
-                     ")");
   }
 }
 
@@ -173,18 +156,13 @@ void simulate(const SimulateArgs& args) {
   Circuit circuit = readCircuit(args.track_path);
   if (args.top_speed_mps) circuit.pace.top_speed_mps = *args.top_speed_mps;
   const CarFile car = readCarFile(args.car_path);
-  requireEachPattern(args.race.labels, car);
+  const auto devices = car.devices(args.race.labels);
   if (args.race.start_mps && *args.race.start_mps > circuit.pace.top_speed_mps)
     throw InputError("--start-speed is above the top speed of " + number(circuit.pace.top_speed_mps) +
                      " m/s");
   std::vector<Fault> faults;
   if (!args.faults_path.empty()) {
     faults = readFaults(args.faults_path);
-    auto devices = car.devices();
-    devices.erase(
-        std::remove_if(devices.begin(), devices.end(),
-                       [&](const auto& device) { return !matchesLabel(args.race.labels, device.label); }),
-        devices.end());
     requireDevices(faults, args.faults_path, devices);
   }
   if (args.log_path.empty() || !args.preview_path.empty()) {

@@ -15,8 +15,8 @@ namespace raceloc {
 namespace {
 
 constexpr double kTruth_hz = 100;
-constexpr double kMargin_s =
-    2 * TrueMotion::kReach_s;  // differences of poses reach this far beyond a measurement
+/** Differences of poses reach this far beyond a measurement. */
+constexpr double kMargin_s = 2 * TrueMotion::kReach_s;
 
 /** As long as the slowest sweep, and some. */
 double memoryFor(const CarFile& file) {
@@ -52,16 +52,11 @@ Race::Race(const Circuit& circuit, const CarFile& car, const RaceOptions& option
       x_motion(circuit.track, car.car, memoryFor(car)) {
   if (x_stand_s > 0 && x_car.state().forward_mps > 0)
     throw std::invalid_argument("Race: a car that stands on the grid starts with speed 0");
+  (void)car.devices(options.labels);  // throws when a pattern fits none
   addDevices<LidarModel>(car.lidars, options, 1);
   addDevices<GpsModel>(car.gps, options, 0);
   addDevices<ImuModel>(car.imus, options, 0);
   addDevices<VehicleModel>(car.vehicles, options, 0);
-  if (x_devices.empty()) {
-    std::vector<std::string> labels;
-    for (const auto& device : car.devices()) labels.push_back(device.label);
-    throw InputError("car " + car.path + ": no device labelled " + options.labels +
-                     " (it has: " + listed(labels) + ")");
-  }
   x_devices.push_back({std::monostate(), {kTruth_hz, kMargin_s, 0, 0}});
   // Nothing measures before differences of poses can be taken.
   for (auto& device : x_devices) device.schedule.phase_s = std::max(device.schedule.phase_s, kMargin_s);

@@ -10,8 +10,8 @@ namespace raceloc {
 
 namespace {
 
-constexpr std::uint64_t kConstants = 1ULL
-                                     << 50;  // numbers beyond those of any message: for what is drawn once
+/** Numbers beyond those of any message: for what is drawn once. */
+constexpr std::uint64_t kConstants = 1ULL << 50;
 
 /** Three normal numbers, `first` and the two after it. */
 Eigen::Vector3d normals(const Noise& noise, std::uint64_t first) {

@@ -1,5 +1,11 @@
 #include "sim/sensor_options.h"
 
+#include <algorithm>
+#include <iterator>
+#include <sstream>
+
+#include "core/labels.h"
+
 namespace raceloc {
 
 void DeviceOptions::describeDevice(OptionList& keys) {
@@ -97,6 +103,26 @@ std::vector<DeviceName> CarFile::devices() const {
   list(imus, "imu");
   list(vehicles, "vehicle");
   return names;
+}
+
+std::vector<DeviceName> CarFile::devices(const std::string& patterns) const {
+  const auto all = devices();
+  std::vector<std::string> labels;
+  labels.reserve(all.size());
+  for (const auto& device : all) labels.push_back(device.label);
+  std::string words = patterns;
+  std::replace(words.begin(), words.end(), ',', ' ');
+  std::istringstream stream(words);
+  for (std::string word; stream >> word;)
+    if (std::none_of(labels.begin(), labels.end(),
+                     [&](const auto& label) { return matchesLabel(word, label); }))
+      throw InputError("car " + path + ": no device labelled " + word + " (it has: " + listed(labels) + ")");
+  std::vector<DeviceName> chosen;
+  std::copy_if(all.begin(), all.end(), std::back_inserter(chosen),
+               [&](const auto& device) { return matchesLabel(patterns, device.label); });
+  if (chosen.empty())
+    throw InputError("car " + path + ": no device is chosen (it has: " + listed(labels) + ")");
+  return chosen;
 }
 
 CarFile readCarFile(const std::string& path) {

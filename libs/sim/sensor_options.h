@@ -82,6 +82,9 @@ struct CarFile {
   Devices<ImuOptions> imus;
   Devices<VehicleOptions> vehicles;
   [[nodiscard]] std::vector<DeviceName> devices() const;  ///< all of them
+  /** Those whose labels match one of the patterns, separated by blanks or commas. \throws InputError for a pattern that no
+   * device matches: a slip of the keys would leave one out in silence. */
+  [[nodiscard]] std::vector<DeviceName> devices(const std::string& patterns) const;
 };
 
 /** \throws InputError naming file, section, key and value; also for a file without any device. */

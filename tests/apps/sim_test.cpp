@@ -328,6 +328,8 @@ TEST_F(BadSim, ManifestWouldFallOnAnInput) {
 TEST_F(BadSim, OneOfTheDevicesIsMistyped) {
   expectRefused(simCommand(ini("sim/indy.ini"), out / "a.rawlog", {"--devices", "imu nope"}),
                 {"nope", "lidar_front"});
+  expectRefused(simCommand(ini("sim/indy.ini"), out / "a.rawlog", {"--devices", "imu,nope"}),
+                {"nope", "lidar_front"});
 }
 TEST_F(BadSim, StartIsFasterThanTheTopSpeed) {
   expectRefused(
