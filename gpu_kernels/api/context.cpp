@@ -3,6 +3,7 @@
 #include <cstdlib>
 #include <string_view>
 
+#include "api/check.hpp"
 #include "core/backend.hpp"
 
 namespace raceloc::gpu {
@@ -24,13 +25,14 @@ Backend overridden(Backend asked, bool& by_environment) {
 
 }  // namespace
 
-Context::Context(Backend backend, int device) {
+Context::Context(Backend backend, int device, int threads) {
+  require(threads >= 1 && threads <= 256, "threads", threads, "from 1 to 256");
   bool by_environment = false;
   const Backend wanted = overridden(backend, by_environment);
   const std::string who = by_environment ? "RACELOC_BACKEND asks for it" : "it was asked for";
   switch (wanted) {
     case Backend::cpu:
-      x_backend = makeCpuBackend();
+      x_backend = makeCpuBackend(threads);
       x_reason = x_backend->description() + ": " + who;
       return;
     case Backend::cuda:
@@ -44,7 +46,7 @@ Context::Context(Backend backend, int device) {
     x_backend = makeCudaBackend(device);
     x_reason = x_backend->description() + ": it answers and passed its test launch";
   } catch (const DeviceError& no_cuda) {
-    x_backend = makeCpuBackend();
+    x_backend = makeCpuBackend(threads);
     x_reason = x_backend->description() + ": " + no_cuda.what();
   }
 }

@@ -29,7 +29,7 @@ std::unique_ptr<PassRunner> checkedPasses(Context& context, const PointsView& so
 
 Linearization linearize(Context& context, const PointsView& source, const CovariancesView& covariances,
                         const VoxelMap& map, const Transform& T_map_source, const MatchOptions& options) {
-  return linearization(checkedPasses(context, source, covariances, map, options)->run(T_map_source, true));
+  return linearization(checkedPasses(context, source, covariances, map, options)->run(T_map_source));
 }
 
 Match match(Context& context, const PointsView& source, const CovariancesView& covariances,

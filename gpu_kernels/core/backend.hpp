@@ -31,9 +31,8 @@ struct Pass {
 class PassRunner {
  public:
   virtual ~PassRunner() = default;
-  /** The sums at a pose; kFrozenCost is over the frozen pairs, 0 before the first freeze(). kDistance costs
-   * an eigen-decomposition a pair and is left 0 unless asked for. */
-  virtual Pass run(const Transform& T_map_source, bool with_distance) = 0;
+  /** The sums at a pose; kFrozenCost is over the frozen pairs, 0 before the first freeze(). */
+  virtual Pass run(const Transform& T_map_source) = 0;
   /** The pairs of the newest pass become the frozen ones. */
   virtual void freeze() = 0;
 };
@@ -52,7 +51,8 @@ class BackendBase {
                                              const MatchOptions& options) = 0;
 };
 
-std::unique_ptr<BackendBase> makeCpuBackend();
+/** \param threads >= 1; without TBB in the build it is 1 */
+std::unique_ptr<BackendBase> makeCpuBackend(int threads);
 
 /** \throws DeviceError with the reason if there is no usable device or CUDA was not built in */
 std::unique_ptr<BackendBase> makeCudaBackend(int device);

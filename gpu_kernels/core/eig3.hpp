@@ -3,9 +3,10 @@
  * regularisations built on it. The same rotations run on every device. */
 #pragma once
 
-#include <cmath>
+#include <type_traits>
 
 #include "core/linear.hpp"
+#include "core/scalar.hpp"
 #include "raceloc/gpu/covariance.h"
 
 namespace raceloc::gpu {
@@ -21,9 +22,9 @@ struct Eigen3 {
 template <class T>
 RACELOC_HD void rotateJacobi(T& a_pp, T& a_qq, T& a_pq, T& a_pr, T& a_qr, Vec3<T>& v_p, Vec3<T>& v_q) {
   const T difference = a_qq - a_pp, twice = T(2) * a_pq;
-  const T root = std::sqrt(difference * difference + twice * twice) + T(1e-30);  // never 0 / 0
-  const T t = twice / (difference >= T(0) ? difference + root : difference - root);
-  const T c = T(1) / std::sqrt(T(1) + t * t), s = t * c;
+  const T root = squareRoot(difference * difference + twice * twice) + T(1e-30);  // never 0 / 0
+  const T t = twice / select(difference >= T(0), difference + root, difference - root);
+  const T c = T(1) / squareRoot(T(1) + t * t), s = t * c;
   a_pp -= t * a_pq;
   a_qq += t * a_pq;
   a_pq = T(0);
@@ -37,9 +38,9 @@ RACELOC_HD void rotateJacobi(T& a_pp, T& a_qq, T& a_pq, T& a_pr, T& a_qr, Vec3<T
 
 template <class T>
 RACELOC_HD void orderPair(T& a, T& b, Vec3<T>& v_a, Vec3<T>& v_b) {
-  const bool swap = b < a;
-  const T low = swap ? b : a, high = swap ? a : b;
-  const Vec3<T> v_low = swap ? v_b : v_a, v_high = swap ? v_a : v_b;
+  const auto swap = b < a;
+  const T low = select(swap, b, a), high = select(swap, a, b);
+  const Vec3<T> v_low = select(swap, v_b, v_a), v_high = select(swap, v_a, v_b);
   a = low, b = high;
   v_a = v_low, v_b = v_high;
 }
@@ -47,8 +48,9 @@ RACELOC_HD void orderPair(T& a, T& b, Vec3<T>& v_a, Vec3<T>& v_b) {
 /** \param a entries of order 1 (divide by the trace first); 4 sweeps reach float accuracy, 6 double. */
 template <class T>
 RACELOC_HD Eigen3<T> eigen(Sym3<T> a) {
-  constexpr int sweeps = sizeof(T) == sizeof(float) ? 4 : 6;
-  Vec3<T> x{1, 0, 0}, y{0, 1, 0}, z{0, 0, 1};
+  constexpr int sweeps = std::is_same_v<T, double> ? 6 : 4;
+  const T none(0), one(1);
+  Vec3<T> x{one, none, none}, y{none, one, none}, z{none, none, one};
   for (int sweep = 0; sweep < sweeps; ++sweep) {
     rotateJacobi(a.xx, a.yy, a.xy, a.xz, a.yz, x, y);
     rotateJacobi(a.xx, a.zz, a.xz, a.xy, a.yz, x, z);
@@ -62,8 +64,7 @@ RACELOC_HD Eigen3<T> eigen(Sym3<T> a) {
 
 /** Below this share of the largest eigenvalue, the gap between the two smallest leaves the normal undefined.
  */
-template <class T>
-inline constexpr T kNormalGap = T(1e-3);
+inline constexpr double kNormalGap = 1e-3;
 
 /** C made fit for registration. Where the neighbourhood says nothing (it is one point; for `plane`, it has no
  * normal) the answer is isotropic, of variance radius^2. */
@@ -71,15 +72,19 @@ template <class T>
 RACELOC_HD Sym3<T> regularised(const Sym3<T>& C, Regularisation how, T epsilon, T squared_radius_m2) {
   if (how == Regularisation::none) return C;
   const T size = trace(C);
-  if (!(size > T(1e-10) * squared_radius_m2)) return isotropic(squared_radius_m2);
-  const Eigen3<T> e = eigen((T(1) / size) * C);
+  const auto spread = size > T(1e-10) * squared_radius_m2;
+  const Sym3<T> unknown = isotropic(squared_radius_m2);
+  const Eigen3<T> e = eigen((T(1) / select(spread, size, T(1))) * C);
   if (how == Regularisation::plane) {
-    if (!(e.middle - e.low >= kNormalGap<T> * e.high)) return isotropic(squared_radius_m2);
-    return isotropic(T(1)) + (epsilon - T(1)) * outer(e.v_low);
+    const auto flat = e.middle - e.low >= T(kNormalGap) * e.high;
+    const Sym3<T> plane = isotropic(T(1)) + (epsilon - T(1)) * outer(e.v_low);
+    return select(spread, select(flat, plane, unknown), unknown);
   }
   const T floor = epsilon * e.high;
-  const T low = e.low > floor ? e.low : floor, middle = e.middle > floor ? e.middle : floor;
-  return size * (low * outer(e.v_low) + middle * outer(e.v_middle) + e.high * outer(e.v_high));
+  const T low = select(e.low > floor, e.low, floor), middle = select(e.middle > floor, e.middle, floor);
+  const Sym3<T> raised =
+      size * (low * outer(e.v_low) + middle * outer(e.v_middle) + e.high * outer(e.v_high));
+  return select(spread, raised, unknown);
 }
 
 }  // namespace raceloc::gpu

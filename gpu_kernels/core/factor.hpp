@@ -5,10 +5,8 @@
  * R and no large number. Sources: see raceloc/gpu/matcher.h. */
 #pragma once
 
-#include <cmath>
 #include <cstdint>
 
-#include "core/eig3.hpp"
 #include "core/linear.hpp"
 #include "core/voxel_hash.hpp"
 
@@ -31,11 +29,11 @@ enum Sum : int {
 
 template <class T>
 struct Whitened {
-  Vec3<T> e;   ///< residual [m]
-  Sym3<T> W;   ///< inverse of the combined covariance
-  Sym3<T> C;   ///< combined covariance [m^2]
-  T squared;   ///< e' W e
-  bool valid;  ///< false if the covariance has no inverse in float, or anything is not finite
+  Vec3<T> e;  ///< residual [m]
+  Sym3<T> W;  ///< inverse of the combined covariance [1/m^2]
+  T squared;  ///< e' W e
+  /** False if the covariance has no inverse in float, or anything is not finite. */
+  decltype(T(0) > T(0)) valid;
 };
 
 /** \param v  mean of the voxel - t, map frame [m] */
@@ -44,32 +42,44 @@ RACELOC_HD Whitened<T> whitened(const Mat3<T>& R_source_map, const Vec3<T>& p, c
                                 const Vec3<T>& v, const Sym3<T>& C_map) {
   Whitened<T> w{};
   w.e = R_source_map * v - p;
-  w.C = C_source + turned(R_source_map, C_map);
-  const Sym3<T> adj = adjugate(w.C);
-  const T determinant = w.C.xx * adj.xx + w.C.xy * adj.xy + w.C.xz * adj.xz;
-  const T size = trace(w.C);
+  const Sym3<T> C = C_source + turned(R_source_map, C_map);
+  const Sym3<T> adj = adjugate(C);
+  const T determinant = C.xx * adj.xx + C.xy * adj.xy + C.xz * adj.xz;
+  const T size = trace(C);
   w.W = (T(1) / determinant) * adj;
   w.squared = dot(w.e, w.W * w.e);
   // A determinant below 1e-7 of the cube is rounding; a comparison with NaN is false.
-  w.valid = size > T(0) && determinant > T(1e-7) * size * size * size / T(27) && w.squared >= T(0) &&
-            w.squared < T(1e30);
+  w.valid = (size > T(0)) & (determinant > T(1e-7 / 27) * size * size * size) & (w.squared >= T(0)) &
+            (w.squared < T(1e30));
   return w;
 }
 
+/** A pair that does not count unless `counts`: all its shares are then 0. */
+template <class T, class M>
+RACELOC_HD Whitened<T> countedIf(const M& counts, const Whitened<T>& w) {
+  const Vec3<T> nowhere{T(0), T(0), T(0)};
+  return {select(counts, w.e, nowhere), select(counts, w.W, isotropic(T(0))), select(counts, w.squared, T(0)),
+          counts};
+}
+
 /** Cauchy: rho(s) = c^2 log(1 + s/c^2), or s itself for c = 0. */
-template <class T>
 struct Robust {
-  T squared_width;
+  float squared_width;
+  template <class T>
   RACELOC_HD T cost(T s) const {
-    return squared_width > T(0) ? squared_width * std::log(T(1) + s / squared_width) : s;
+    return squared_width > 0 ? T(squared_width) * logarithm(T(1) + s / T(squared_width)) : s;
   }
   /** drho/ds */
-  RACELOC_HD T weight(T s) const { return squared_width > T(0) ? squared_width / (squared_width + s) : T(1); }
+  template <class T>
+  RACELOC_HD T weight(T s) const {
+    return squared_width > 0 ? T(squared_width) / (T(squared_width) + s) : T(1);
+  }
 };
 
-/** Adds a pair's share of H, b and the cost. H is symmetric: only H_tt, H_rt and H_rr are kept. */
+/** Adds a pair's share of H, b, the cost and the distance. H is symmetric: only H_tt, H_rt and H_rr are kept.
+ */
 template <class T>
-RACELOC_HD void addPair(const Whitened<T>& w, const Vec3<T>& p, const Robust<T>& robust, T* sums) {
+RACELOC_HD void addPair(const Whitened<T>& w, const Vec3<T>& p, const Robust& robust, T* sums) {
   const Sym3<T> W = robust.weight(w.squared) * w.W;
   const Vec3<T> We = W * w.e;
   // M = [p]x W, H_rt = [p]x' W (-I) = M, H_rr = [p]x' W [p]x = M [p]x'
@@ -91,14 +101,8 @@ RACELOC_HD void addPair(const Whitened<T>& w, const Vec3<T>& p, const Robust<T>&
   sums[kB + 0] += b_r.x, sums[kB + 1] += b_r.y, sums[kB + 2] += b_r.z;
   sums[kB + 3] -= We.x, sums[kB + 4] -= We.y, sums[kB + 5] -= We.z;
   sums[kCost] += T(0.5) * robust.cost(w.squared);
-  sums[kPairs] += T(1);
-}
-
-/** (n'e)^2, n the axis in which the pair's combined covariance is smallest [m^2]. */
-template <class T>
-RACELOC_HD T tightSquaredDistance(const Whitened<T>& w) {
-  const T along = dot(eigen((T(1) / trace(w.C)) * w.C).v_low, w.e);
-  return along * along;
+  sums[kPairs] += select(w.valid, T(1), T(0));
+  sums[kDistance] += w.squared / select(w.valid, trace(w.W), T(1));
 }
 
 /** A pass at one pose. Positions are relative to the corner of the voxel `anchor` at t: floats stay small. */
@@ -108,7 +112,7 @@ struct PassSetup {
   Cell anchor;
   float voxel_m, voxels_per_m;
   float squared_max_distance_m2;
-  Robust<float> robust;
+  Robust robust;
   std::int32_t voxels_around;  ///< 1, 7 or 27
 };
 
@@ -138,7 +142,6 @@ RACELOC_HD Whitened<float> pairWith(const PassSetup& setup, const VoxelRecord& r
 /** The pass of one source point: adds to `sums` and notes its pairs (record or -1), pair k at fresh[k *
  * stride]. The frozen cost is that of the pairs in `frozen` (may be null) at this pose: what a step may be
  * judged by, since the fresh cost jumps where a point changes its voxel. */
-template <bool WithDistance>
 RACELOC_HD void passPoint(const PassSetup& setup, const VoxelMapView& map, const Vec3<float>& p,
                           const Sym3<float>& C_source, std::size_t stride, const std::int32_t* frozen,
                           std::int32_t* fresh, float* sums) {
@@ -159,7 +162,6 @@ RACELOC_HD void passPoint(const PassSetup& setup, const VoxelMapView& map, const
         inlier = true;
         addPair(w, p, setup.robust, sums);
         cost = 0.5F * setup.robust.cost(w.squared);
-        if constexpr (WithDistance) sums[kDistance] += tightSquaredDistance(w);
       } else {
         found = -1;
       }

@@ -3,9 +3,7 @@
  * in tests. */
 #pragma once
 
-#include <cmath>
-
-#include "core/host_device.hpp"
+#include "core/scalar.hpp"
 
 namespace raceloc::gpu {
 
@@ -92,6 +90,18 @@ RACELOC_HD Sym3<T> isotropic(T variance) {
 template <class T>
 RACELOC_HD Mat3<T> transposed(const Mat3<T>& a) {
   return {a.xx, a.yx, a.zx, a.xy, a.yy, a.zy, a.xz, a.yz, a.zz};
+}
+
+template <class M, class T>
+RACELOC_HD Vec3<T> select(const M& condition, const Vec3<T>& yes, const Vec3<T>& no) {
+  return {select(condition, yes.x, no.x), select(condition, yes.y, no.y), select(condition, yes.z, no.z)};
+}
+
+template <class M, class T>
+RACELOC_HD Sym3<T> select(const M& condition, const Sym3<T>& yes, const Sym3<T>& no) {
+  return {select(condition, yes.xx, no.xx), select(condition, yes.xy, no.xy),
+          select(condition, yes.xz, no.xz), select(condition, yes.yy, no.yy),
+          select(condition, yes.yz, no.yz), select(condition, yes.zz, no.zz)};
 }
 
 /** R C R': the covariance C in the frame that R turns into. */

@@ -60,16 +60,30 @@ struct NeighbourGrid {
   }
 };
 
+/** Where covariances go, in the order of the caller's points. */
+struct CovariancesOut {
+  float *xx, *xy, *xz, *yy, *yz, *zz;
+  std::int32_t* neighbours;
+};
+
 /** What one point's covariance needs besides its neighbours. */
 struct CovarianceSetup {
   float squared_radius_m2, epsilon;
   Regularisation regularisation;
   std::int32_t min_neighbours;
 
-  static CovarianceSetup of(const CovarianceOptions& o) {
+  RACELOC_HD static CovarianceSetup of(const CovarianceOptions& o) {
     return {o.radius_m * o.radius_m, o.plane_epsilon, o.regularisation, o.min_neighbours};
   }
 };
+
+/** What a neighbourhood's moments say of the surface. */
+template <class T>
+RACELOC_HD Sym3<T> finished(const Moments<T>& moments, const CovarianceSetup& setup) {
+  const T squared_radius_m2(setup.squared_radius_m2);
+  return select(moments.neighbours < T(setup.min_neighbours), isotropic(squared_radius_m2),
+                regularised(moments.covariance(), setup.regularisation, T(setup.epsilon), squared_radius_m2));
+}
 
 /** Covariance of the point q over the points of nine runs; `p` is the sorted cloud. */
 template <class WeightOf>
@@ -83,9 +97,8 @@ RACELOC_HD Sym3<float> covarianceAt(const Vec3<float>& q, const PointsView& p, c
       moments.add({p.x[j] - q.x, p.y[j] - q.y, p.z[j] - q.z}, setup.squared_radius_m2, weightOf);
     }
   }
-  neighbours = moments.neighbours;
-  if (neighbours < setup.min_neighbours) return isotropic(setup.squared_radius_m2);
-  return regularised(moments.covariance(), setup.regularisation, setup.epsilon, setup.squared_radius_m2);
+  neighbours = static_cast<std::int32_t>(moments.neighbours);
+  return finished(moments, setup);
 }
 
 }  // namespace raceloc::gpu

@@ -103,7 +103,7 @@ Match gaussNewton(PassRunner& passes, const Transform& guess, const MatchOptions
   out.stop = Stop::not_finite;
   if (!finite(guess)) return out;
 
-  Linearization at = linearization(passes.run(guess, false));
+  Linearization at = linearization(passes.run(guess));
   double damping = 0;
   const auto run = [&]() -> Stop {
     if (!finite(at)) return Stop::not_finite;
@@ -120,7 +120,7 @@ Match gaussNewton(PassRunner& passes, const Transform& guess, const MatchOptions
       const std::optional<Step> step = damping > 0 ? solveStep(at, damping) : full;
       if (!step) return Stop::singular;
       const Transform candidate = moved(out.T_map_source, clamped(*step));
-      const Pass pass = passes.run(candidate, false);
+      const Pass pass = passes.run(candidate);
       const Linearization there = linearization(pass);
       if (!finite(there)) return Stop::not_finite;
       if (!(pass.sums[kFrozenCost] <= at.cost * (1 + kCostRounding))) {
@@ -137,11 +137,11 @@ Match gaussNewton(PassRunner& passes, const Transform& guess, const MatchOptions
   };
   out.stop = run();
   if (out.stop == Stop::too_few_inliers) out.T_map_source = guess;
-  out.last = linearization(passes.run(out.T_map_source, true));
+  out.last = linearization(passes.run(out.T_map_source));
   if (out.stop == Stop::converged && out.last.inliers < kFewestInliers) {
     out.stop = Stop::too_few_inliers;
     out.T_map_source = guess;
-    out.last = linearization(passes.run(guess, true));
+    out.last = linearization(passes.run(guess));
   }
   return out;
 }

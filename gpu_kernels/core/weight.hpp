@@ -4,21 +4,10 @@
  * 4). A weight is called with |d|^2 [m^2] and |d|_1 [m]. */
 #pragma once
 
-#include <cmath>
-
-#include "core/host_device.hpp"
+#include "core/scalar.hpp"
 #include "raceloc/gpu/covariance.h"
 
 namespace raceloc::gpu {
-
-/** e^x; on the device the fast intrinsic, 2 ulp + |x| 2^-21. */
-template <class T>
-RACELOC_HD T exponential(T x) {
-#if defined(__CUDA_ARCH__)
-  if constexpr (sizeof(T) == sizeof(float)) return __expf(x);
-#endif
-  return std::exp(x);
-}
 
 /** exp(-rate |d|^2): `rbf` with its gamma, `gaussian` with 1 / (2 sigma^2). */
 template <class T>
@@ -31,7 +20,7 @@ struct SquaredExponential {
 template <class T>
 struct Laplacian {
   T rate_per_m;
-  RACELOC_HD T operator()(T squared_m2, T) const { return exponential(-rate_per_m * std::sqrt(squared_m2)); }
+  RACELOC_HD T operator()(T squared_m2, T) const { return exponential(-rate_per_m * squareRoot(squared_m2)); }
 };
 
 /** (1 + (alpha/c) |d|^2)^(-degree/2): the paper's (alpha <x,y> + c)^degree, cosine-normalised about the
@@ -41,7 +30,7 @@ struct Polynomial {
   T ratio_per_m2;
   int degree;
   RACELOC_HD T operator()(T squared_m2, T) const {
-    const T base = T(1) / std::sqrt(T(1) + ratio_per_m2 * squared_m2);
+    const T base = T(1) / squareRoot(T(1) + ratio_per_m2 * squared_m2);
     T power = T(1), square = base;
     for (int left = degree; left > 0; left >>= 1) {
       if ((left & 1) != 0) power *= square;
@@ -57,7 +46,7 @@ struct Histogram {
   T rate_per_m;
   RACELOC_HD T operator()(T, T manhattan_m) const {
     const T w = T(1) - rate_per_m * manhattan_m;
-    return w > T(0) ? w : T(0);
+    return select(w > T(0), w, T(0));
   }
 };
 
@@ -68,13 +57,13 @@ void withWeight(const CovarianceOptions& o, const Use& use) {
     case Weight::rbf:
       return use(SquaredExponential<T>{T(o.rbf_gamma_per_m2)});
     case Weight::gaussian:
-      return use(SquaredExponential<T>{T(1) / (T(2) * T(o.gaussian_sigma_m) * T(o.gaussian_sigma_m))});
+      return use(SquaredExponential<T>{T(1 / (2 * o.gaussian_sigma_m * o.gaussian_sigma_m))});
     case Weight::polynomial:
-      return use(Polynomial<T>{T(o.polynomial_alpha_per_m2) / T(o.polynomial_c), o.polynomial_degree});
+      return use(Polynomial<T>{T(o.polynomial_alpha_per_m2 / o.polynomial_c), o.polynomial_degree});
     case Weight::hist:
-      return use(Histogram<T>{T(1) / (T(3) * T(o.hist_s_m))});
+      return use(Histogram<T>{T(1 / (3 * o.hist_s_m))});
     case Weight::laplacian:
-      return use(Laplacian<T>{T(1) / T(o.laplacian_sigma_m)});
+      return use(Laplacian<T>{T(1 / o.laplacian_sigma_m)});
   }
 }
 

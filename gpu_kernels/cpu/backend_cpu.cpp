@@ -1,201 +1,247 @@
 /** \file
- * The bodies of core/ in plain loops: one thread, the compiler's own vectors. */
-#if defined(__SSE2__)
-#include <pmmintrin.h>
-#include <xmmintrin.h>
-#endif
-
+ * The CPU: what is not worth vectors, around the loops of cpu/loops.cpp. */
+#include <array>
 #include <utility>
+#include <vector>
 
 #include "api/voxel_table.hpp"
 #include "core/backend.hpp"
 #include "core/neighbour_grid.hpp"
 #include "core/voxel_grid.hpp"
-#include "core/weight.hpp"
+#include "cpu/loops.hpp"
 #include "cpu/radix_sort.hpp"
+#include "cpu/workers.hpp"
 
 namespace raceloc::gpu {
 
 namespace {
-
-/** Denormal floats count as 0 within a scope: the last Jacobi products are denormal, and slow. */
-class FlushDenormals {
-#if defined(__SSE2__)
- public:
-  FlushDenormals() : x_before(_mm_getcsr()) {
-    _mm_setcsr(x_before | _MM_FLUSH_ZERO_ON | _MM_DENORMALS_ZERO_ON);
-  }
-  ~FlushDenormals() { _mm_setcsr(x_before); }
-  FlushDenormals(const FlushDenormals&) = delete;
-  FlushDenormals& operator=(const FlushDenormals&) = delete;
-
- private:
-  unsigned x_before;
-#else
- public:
-  FlushDenormals() {}
-#endif
-};
-
-Sym3<float> at(const CovariancesView& C, std::size_t i) {
-  return {C.xx[i], C.xy[i], C.xz[i], C.yy[i], C.yz[i], C.zz[i]};
-}
-
-void resize(Points& p, std::size_t n) {
-  for (auto* v : {&p.x, &p.y, &p.z}) v->resize(n);
-}
 
 void resize(Covariances& C, std::size_t n) {
   for (auto* v : {&C.xx, &C.xy, &C.xz, &C.yy, &C.yz, &C.zz}) v->resize(n);
   C.neighbours.resize(n);
 }
 
-void set(Covariances& out, std::size_t i, const Sym3<float>& C, std::int32_t neighbours) {
-  out.xx[i] = C.xx, out.xy[i] = C.xy, out.xz[i] = C.xz;
-  out.yy[i] = C.yy, out.yz[i] = C.yz, out.zz[i] = C.zz;
-  out.neighbours[i] = neighbours;
-}
+/** Points of a piece of work that has a loop of its own. */
+constexpr std::size_t kPiece = 4096;
+
+/** Cells of a piece: a few hundred points. */
+constexpr std::size_t kCellPiece = 64;
+
+/** What the passes work in; the backend keeps it from call to call. */
+struct PassBuffers {
+  std::vector<std::int32_t> fresh, frozen;
+  std::vector<std::array<double, kSums>> of_block;
+};
 
 class CpuPasses : public PassRunner {
  public:
-  CpuPasses(const PointsView& source, const CovariancesView& covariances, const VoxelTable& table,
-            const MatchOptions& options)
-      : x_source(source),
-        x_covariances(covariances),
-        x_table(table),
-        x_options(options),
-        x_fresh(source.size * static_cast<std::size_t>(options.neighbour_voxels)) {}
-
-  Pass run(const Transform& T_map_source, bool with_distance) override {
-    return with_distance ? runAs<true>(T_map_source) : runAs<false>(T_map_source);
+  CpuPasses(const Loops& loops, Workers& workers, PassBuffers& buffers, const PointsView& source,
+            const CovariancesView& covariances, const VoxelTable& table, const MatchOptions& options)
+      : x_loops(loops), x_workers(workers), x_buffers(buffers), x_table(table), x_options(options) {
+    const std::size_t pairs = source.size * static_cast<std::size_t>(options.neighbour_voxels);
+    buffers.fresh.resize(pairs);
+    buffers.frozen.resize(pairs);
+    buffers.of_block.resize((source.size + kPassBlock - 1) / kPassBlock);
+    x_job.points = source;
+    x_job.covariances = covariances;
+    x_job.map = table.view();
   }
 
-  void freeze() override {
-    x_frozen.resize(x_fresh.size());
-    x_frozen.swap(x_fresh);
-  }
-
- private:
-  /** Floats over a block of points, doubles over the blocks: as exact as double, as quick as float. */
-  template <bool WithDistance>
-  Pass runAs(const Transform& T_map_source) {
-    constexpr std::size_t block = 128;
-    const FlushDenormals flush;
-    const PassSetup setup = passSetup(T_map_source, x_table.voxelSize(), x_options);
-    const VoxelMapView map = x_table.view();
+  Pass run(const Transform& T_map_source) override {
+    x_job.setup = passSetup(T_map_source, x_table.voxelSize(), x_options);
+    x_job.fresh = x_buffers.fresh.data();
+    x_workers.forPieces(x_job.points.size, kPassBlock, [&](std::size_t first, std::size_t last, int) {
+      x_loops.pass(x_job, first, last, x_buffers.of_block[first / kPassBlock].data());
+    });
     Pass pass;
-    for (std::size_t first = 0; first < x_source.size; first += block) {
-      std::array<float, kSums> sums{};
-      for (std::size_t i = first; i < std::min(first + block, x_source.size); ++i) {
-        passPoint<WithDistance>(setup, map, {x_source.x[i], x_source.y[i], x_source.z[i]},
-                                at(x_covariances, i), x_source.size,
-                                x_frozen.empty() ? nullptr : &x_frozen[i], &x_fresh[i], sums.data());
-      }
-      for (std::size_t k = 0; k < kSums; ++k) pass.sums[k] += static_cast<double>(sums[k]);
-    }
+    for (const auto& sums : x_buffers.of_block)
+      for (std::size_t k = 0; k < kSums; ++k) pass.sums[k] += sums[k];
     return pass;
   }
 
-  PointsView x_source;
-  CovariancesView x_covariances;
+  void freeze() override {
+    x_buffers.frozen.swap(x_buffers.fresh);
+    x_job.frozen = x_buffers.frozen.data();
+  }
+
+ private:
+  const Loops& x_loops;
+  Workers& x_workers;
+  PassBuffers& x_buffers;
   const VoxelTable& x_table;
   MatchOptions x_options;
-  std::vector<std::int32_t> x_fresh, x_frozen;
+  PassJob x_job{};
 };
 
 class CpuBackend : public BackendBase {
  public:
+  explicit CpuBackend(int threads) : x_loops(loopsHere()), x_workers(threads) {}
+
   [[nodiscard]] Backend kind() const override { return Backend::cpu; }
-  [[nodiscard]] std::string description() const override { return "CPU, one thread"; }
+  [[nodiscard]] std::string description() const override {
+    return std::string("CPU, ") + x_loops.instructions + ", " + std::to_string(x_workers.threads()) +
+           (x_workers.threads() == 1 ? " thread" : " threads");
+  }
   std::unique_ptr<MapMirror> mirror() override { return nullptr; }
 
   Points voxelGrid(const PointsView& points, double voxel_size_m, std::size_t& dropped) override {
-    const VoxelExtent extent = voxelExtent(points, voxel_size_m);
-    dropped = points.size - extent.kept;
-    x_items.clear();
-    for (std::size_t i = 0; i < points.size; ++i) {
-      const std::uint64_t key = voxelKey(extent.layout, voxel_size_m, points.x[i], points.y[i], points.z[i]);
-      if ((key >> extent.layout.bits) == 0) x_items.push_back({key, static_cast<std::uint32_t>(i)});
-    }
-    sortItems(extent.layout.bits);
+    const Box box = findVoxels(points, voxel_size_m);
+    dropped = points.size - box.kept;
     Points out;
-    for (std::size_t first = 0, last = 0; first < x_items.size(); first = last) {
-      while (last < x_items.size() && x_items[last].key == x_items[first].key) ++last;
-      const Vec3<float> mean = centroid(points, x_order.data(), first, last);
-      out.x.push_back(mean.x);
-      out.y.push_back(mean.y);
-      out.z.push_back(mean.z);
-    }
+    if (box.kept == 0) return out;
+    const KeyLayout layout = KeyLayout::of(box.low, box.high);
+    sortBy(layout.bits, points.size, [&](auto& items) {
+      using Item = typename std::decay_t<decltype(items)>::value_type;
+      for (std::size_t i = 0; i < points.size; ++i) {
+        if (x_voxels[0][i] == kNoCell) continue;
+        items.push_back(Item::of(layout.key({x_voxels[0][i], x_voxels[1][i], x_voxels[2][i]}),
+                                 static_cast<std::uint32_t>(i)));
+      }
+    });
+    const std::size_t voxels = x_first.size() - 1;
+    for (auto* v : {&out.x, &out.y, &out.z}) v->resize(voxels);
+    x_workers.forPieces(voxels, kPiece, [&](std::size_t begin, std::size_t end, int) {
+      for (std::size_t k = begin; k < end; ++k) {
+        const Vec3<float> mean = centroid(points, x_order.data(), x_first[k], x_first[k + 1]);
+        out.x[k] = mean.x, out.y[k] = mean.y, out.z[k] = mean.z;
+      }
+    });
     return out;
   }
 
   Covariances covariances(const PointsView& points, const CovarianceOptions& options) override {
-    const FlushDenormals flush;
-    const NeighbourGrid grid = NeighbourGrid::over(points, options.radius_m);
-    x_items.clear();
-    for (std::size_t i = 0; i < points.size; ++i) {
-      const Cell cell = grid.cell(points.x[i], points.y[i], points.z[i]);
-      x_items.push_back({grid.layout.key(cell), static_cast<std::uint32_t>(i)});
-    }
-    sortItems(grid.layout.bits);
-    resize(x_sorted, points.size);
-    for (std::size_t k = 0; k < points.size; ++k) {
-      const std::uint32_t i = x_order[k];
-      x_sorted.x[k] = points.x[i], x_sorted.y[k] = points.y[i], x_sorted.z[k] = points.z[i];
-    }
     Covariances out;
     resize(out, points.size);
-    withWeight<float>(options, [&](const auto& weightOf) { covariancesWith(grid, options, weightOf, out); });
+    if (points.size == 0) return out;
+    const NeighbourGrid grid = NeighbourGrid::over(points, options.radius_m);
+    sortBy(grid.layout.bits, points.size, [&](auto& items) {
+      using Item = typename std::decay_t<decltype(items)>::value_type;
+      for (std::size_t i = 0; i < points.size; ++i)
+        items.push_back(Item::of(grid.layout.key(grid.cell(points.x[i], points.y[i], points.z[i])),
+                                 static_cast<std::uint32_t>(i)));
+    });
+    const float* from[3] = {points.x, points.y, points.z};
+    for (std::size_t axis = 0; axis < 3; ++axis) {
+      x_sorted[axis].resize(points.size + kPadding);
+      for (std::size_t k = 0; k < points.size; ++k) x_sorted[axis][k] = from[axis][x_order[k]];
+    }
+    const std::size_t candidates = findRuns(grid);
+    const std::size_t stride = candidates + 2 * kPadding, cells = x_first.size() - 1;
+    x_scratch.resize(3 * stride * static_cast<std::size_t>(x_workers.threads()));
+    const CovarianceJob job{x_sorted[0].data(),
+                            x_sorted[1].data(),
+                            x_sorted[2].data(),
+                            x_order.data(),
+                            x_first.data(),
+                            x_runs.data(),
+                            options,
+                            outOf(out)};
+    x_workers.forPieces(cells, kCellPiece, [&](std::size_t begin, std::size_t end, int worker) {
+      x_loops.covariances(job, static_cast<std::uint32_t>(begin), static_cast<std::uint32_t>(end),
+                          &x_scratch[3 * stride * static_cast<std::size_t>(worker)], stride);
+    });
     return out;
   }
 
   std::unique_ptr<PassRunner> passes(const PointsView& source, const CovariancesView& covariances,
                                      const VoxelTable& table, const MapMirror*,
                                      const MatchOptions& options) override {
-    return std::make_unique<CpuPasses>(source, covariances, table, options);
+    return std::make_unique<CpuPasses>(x_loops, x_workers, x_pass_buffers, source, covariances, table,
+                                       options);
   }
 
  private:
-  void sortItems(int bits) {
-    radixSort(x_items, x_scratch, bits);
-    x_order.resize(x_items.size());
-    for (std::size_t k = 0; k < x_items.size(); ++k) x_order[k] = x_items[k].index;
+  static CovariancesOut outOf(Covariances& C) {
+    return {C.xx.data(), C.xy.data(), C.xz.data(),        C.yy.data(),
+            C.yz.data(), C.zz.data(), C.neighbours.data()};
   }
 
-  /** Walks the cells in order; the nine rows around a cell only ever move forward, so nothing is searched. */
-  template <class WeightOf>
-  void covariancesWith(const NeighbourGrid& grid, const CovarianceOptions& options, const WeightOf& weightOf,
-                       Covariances& out) const {
-    const CovarianceSetup setup = CovarianceSetup::of(options);
-    const PointsView sorted = x_sorted.view();
-    const std::size_t n = x_items.size();
-    Run runs[kRowsAround] = {};
-    for (std::size_t first = 0, last = 0; first < n; first = last) {
-      const std::uint64_t key = x_items[first].key;
-      while (last < n && x_items[last].key == key) ++last;
-      for (int row = 0; row < kRowsAround; ++row) {
-        Run& run = runs[row];
-        const std::uint64_t low = grid.rowKey(key, row), high = low + 2;
-        while (run.first < n && x_items[run.first].key < low) ++run.first;
-        run.last = std::max(run.last, run.first);
-        while (run.last < n && x_items[run.last].key <= high) ++run.last;
+  Box findVoxels(const PointsView& points, double voxel_size_m) {
+    for (auto& axis : x_voxels) axis.resize(points.size);
+    const VoxelJob job{points, voxel_size_m, x_voxels[0].data(), x_voxels[1].data(), x_voxels[2].data()};
+    x_boxes.assign((points.size + kPiece - 1) / kPiece, Box{});
+    x_workers.forPieces(points.size, kPiece, [&](std::size_t first, std::size_t last, int) {
+      x_loops.voxels(job, first, last, x_boxes[first / kPiece]);
+    });
+    Box all;
+    for (const Box& box : x_boxes) {
+      all.low = {std::min(all.low.x, box.low.x), std::min(all.low.y, box.low.y),
+                 std::min(all.low.z, box.low.z)};
+      all.high = {std::max(all.high.x, box.high.x), std::max(all.high.y, box.high.y),
+                  std::max(all.high.z, box.high.z)};
+      all.kept += box.kept;
+    }
+    return all;
+  }
+
+  /** Sorts what `fill` lists by key: x_order, and where each run of equal keys begins (x_first, ending with
+   * the number of items) with its key (x_keys). */
+  template <class Fill>
+  void sortBy(int bits, std::size_t n, const Fill& fill) {
+    const auto with = [&](auto& items, auto& scratch) {
+      items.clear();
+      items.reserve(n);
+      fill(items);
+      radixSort(items, scratch, bits);
+      x_order.resize(items.size());
+      x_first.clear();
+      x_keys.clear();
+      for (std::size_t k = 0; k < items.size(); ++k) {
+        x_order[k] = items[k].index;
+        if (k > 0 && items[k].key == items[k - 1].key) continue;
+        x_first.push_back(static_cast<std::uint32_t>(k));
+        x_keys.push_back(items[k].key);
       }
-      for (std::size_t k = first; k < last; ++k) {
-        const Vec3<float> q{sorted.x[k], sorted.y[k], sorted.z[k]};
-        std::int32_t neighbours = 0;
-        const Sym3<float> C = covarianceAt(q, sorted, runs, setup, weightOf, neighbours);
-        set(out, x_order[k], C, neighbours);
-      }
+      x_first.push_back(static_cast<std::uint32_t>(items.size()));
+    };
+    if (bits <= 32) {
+      with(x_narrow[0], x_narrow[1]);
+    } else {
+      with(x_wide[0], x_wide[1]);
     }
   }
 
-  std::vector<KeyedIndex> x_items, x_scratch;  // buffers, kept from call to call
-  std::vector<std::uint32_t> x_order;
-  Points x_sorted;
+  /** The nine runs of each cell: rows only ever move forward, so nothing is searched. \return the most
+   * candidates of a cell */
+  std::size_t findRuns(const NeighbourGrid& grid) {
+    const std::size_t cells = x_keys.size();
+    x_runs.resize(cells * kRowsAround);
+    std::vector<std::size_t>::size_type most = 0;
+    std::array<std::size_t, kRowsAround> begin{}, end{};
+    for (std::size_t cell = 0; cell < cells; ++cell) {
+      std::size_t candidates = 0;
+      for (int row = 0; row < kRowsAround; ++row) {
+        const auto r = static_cast<std::size_t>(row);
+        const std::uint64_t low = grid.rowKey(x_keys[cell], row);
+        while (begin[r] < cells && x_keys[begin[r]] < low) ++begin[r];
+        end[r] = std::max(end[r], begin[r]);
+        while (end[r] < cells && x_keys[end[r]] < low + 3) ++end[r];
+        const Run run{x_first[begin[r]], x_first[end[r]]};
+        x_runs[cell * kRowsAround + r] = run;
+        candidates += run.last - run.first;
+      }
+      most = std::max(most, candidates);
+    }
+    return most;
+  }
+
+  const Loops& x_loops;
+  Workers x_workers;
+  PassBuffers x_pass_buffers;
+  // Buffers, kept from call to call.
+  std::array<std::vector<std::int32_t>, 3> x_voxels;
+  std::vector<Box> x_boxes;
+  std::array<std::vector<NarrowItem>, 2> x_narrow;
+  std::array<std::vector<WideItem>, 2> x_wide;
+  std::vector<std::uint32_t> x_order, x_first;
+  std::vector<std::uint64_t> x_keys;
+  std::array<std::vector<float>, 3> x_sorted;
+  std::vector<Run> x_runs;
+  std::vector<float> x_scratch;
 };
 
 }  // namespace
 
-std::unique_ptr<BackendBase> makeCpuBackend() { return std::make_unique<CpuBackend>(); }
+std::unique_ptr<BackendBase> makeCpuBackend(int threads) { return std::make_unique<CpuBackend>(threads); }
 
 }  // namespace raceloc::gpu

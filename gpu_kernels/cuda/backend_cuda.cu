@@ -124,17 +124,13 @@ class CudaPasses : public PassRunner {
     device.sums.room(kSums);
   }
 
-  Pass run(const Transform& T_map_source, bool with_distance) override {
+  Pass run(const Transform& T_map_source) override {
     Pass pass;
     if (x_blocks == 0) return pass;
     x_device.select();
     const cudaStream_t stream = x_device.stream.get();
     x_input.setup = passSetup(T_map_source, x_voxel_size_m, x_options);
-    if (with_distance) {
-      vgicpPass<true><<<x_blocks, kPassThreads, 0, stream>>>(x_input, x_device.partials.data());
-    } else {
-      vgicpPass<false><<<x_blocks, kPassThreads, 0, stream>>>(x_input, x_device.partials.data());
-    }
+    vgicpPass<<<x_blocks, kPassThreads, 0, stream>>>(x_input, x_device.partials.data());
     checkLaunch("vgicpPass");
     addPartials<<<1, simt::kWarp, 0, stream>>>(x_device.partials.data(), x_blocks, x_device.sums.data());
     checkLaunch("addPartials");

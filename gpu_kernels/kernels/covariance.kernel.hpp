@@ -9,12 +9,6 @@ namespace raceloc::gpu {
 
 inline constexpr int kCovarianceThreads = 128;
 
-/** Where the covariances go, in the order of the caller's points. */
-struct CovariancesOut {
-  float *xx, *xy, *xz, *yy, *yz, *zz;
-  std::int32_t* neighbours;
-};
-
 template <class WeightOf>
 RACELOC_KERNEL(kCovarianceThreads)
 covarianceOfPoints(PointsView sorted, const std::uint32_t* order, const std::uint32_t* numbers,

@@ -35,7 +35,6 @@ struct PassInput {
 };
 
 /** Partial sums of the block go to partials[block][kSums]. */
-template <bool WithDistance>
 RACELOC_KERNEL(kPassThreads)
 vgicpPass(PassInput in, double* partials) {
   __shared__ float of_warp[kPassThreads / simt::kWarp][kSums];
@@ -43,9 +42,9 @@ vgicpPass(PassInput in, double* partials) {
   const std::uint32_t i = simt::globalThread();
   if (i < in.points.size) {
     const CovariancesView& C = in.covariances;
-    passPoint<WithDistance>(in.setup, in.map, {in.points.x[i], in.points.y[i], in.points.z[i]},
-                            {C.xx[i], C.xy[i], C.xz[i], C.yy[i], C.yz[i], C.zz[i]}, in.points.size,
-                            in.frozen == nullptr ? nullptr : in.frozen + i, in.fresh + i, v);
+    passPoint(in.setup, in.map, {in.points.x[i], in.points.y[i], in.points.z[i]},
+              {C.xx[i], C.xy[i], C.xz[i], C.yy[i], C.yz[i], C.zz[i]}, in.points.size,
+              in.frozen == nullptr ? nullptr : in.frozen + i, in.fresh + i, v);
   }
   transposeReduce<simt::kWarp / 2>(v);
   of_warp[simt::warp()][simt::lane()] = v[0];

@@ -135,7 +135,7 @@ TEST(Factor, JacobianIsTheSlopeOfTheResidual) {
     J[k] = 5e5 * (toSource(residual_map(moved(T, forth))) - toSource(residual_map(moved(T, back))));
   }
   Pass pass;
-  addPair(w, {p[0], p[1], p[2]}, Robust<double>{0.0}, pass.sums.data());
+  addPair(w, {p[0], p[1], p[2]}, Robust{0.0F}, pass.sums.data());
   const Linearization at_T = linearization(pass);
   for (std::size_t i = 0; i < 6; ++i) {
     EXPECT_NEAR(at_T.b[i], dot(J[i], w.W * w.e), 1e-7);  // central differences of 1e-6

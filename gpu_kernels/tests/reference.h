@@ -234,8 +234,7 @@ inline Linearization linearizeOver(const std::vector<std::pair<std::size_t, cons
       out.b[a] += weight * scalar(WJ, e);
       for (std::size_t k = 0; k < 6; ++k) out.H[6 * a + k] += weight * scalar(WJ, J[k]);
     }
-    const double along = scalar(eigenvector(S, eigenvalues(S)[0]), e);
-    out.squared_distance_m2 += along * along;
+    out.squared_distance_m2 += s / (W[0][0] + W[1][1] + W[2][2]);
     ++out.pairs;
     if (i != last) ++out.inliers;
     last = i;

@@ -25,9 +25,11 @@ struct Linearization {
   std::array<double, 36> H{};  ///< 6x6 Gauss-Newton Hessian, rows; right increment (rotation, translation)
   std::array<double, 6> b{};   ///< gradient: the step solves H xi = -b
   double cost = 0;             ///< robust cost summed over pairs
-  double squared_distance_m2 = 0;  ///< sum over pairs of (n' e)^2, n = the axis in which the pair is tightest
-  std::int64_t pairs = 0;          ///< point-voxel pairs that counted
-  std::int64_t inliers = 0;        ///< source points with at least one pair
+  /** Sum over pairs of e' W e / trace W, W the inverse of the pair's covariance: the squared distance across
+   * the surface where there is one (its axis then is nearly all of the trace), |e|^2 / 3 where there is none. */
+  double squared_distance_m2 = 0;
+  std::int64_t pairs = 0;    ///< point-voxel pairs that counted
+  std::int64_t inliers = 0;  ///< source points with at least one pair
 };
 
 enum class Stop { converged, max_iterations, too_few_inliers, singular, not_finite };

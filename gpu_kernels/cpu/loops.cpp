@@ -1,0 +1,370 @@
+/** \file
+ * Compiled once for each instruction set, with GK_ISA as its name: nothing here may be shared between them, so
+ * there are no functions of the standard library, and what comes from core/ is always inlined. */
+#include "cpu/loops.hpp"
+
+#include "core/weight.hpp"
+#include "cpu/lanes.hpp"
+
+namespace raceloc::gpu::GK_ISA {
+
+namespace {
+
+constexpr int kParts = kLanes / kWidth;
+
+/** Sum of 16 floats as a tree. */
+RACELOC_HD float sumOfLanes(const float* a) {
+  using Four = float __attribute__((vector_size(16)));
+  Four q[4];
+  __builtin_memcpy(q, a, sizeof(q));
+  const Four s = (q[0] + q[1]) + (q[2] + q[3]);
+  return (s[0] + s[2]) + (s[1] + s[3]);
+}
+
+constexpr int kMomentRows = 11;
+
+/** Moments of up to `kBatch` points, each row one sum; finished together, a point a lane. */
+class MomentBatch {
+ public:
+  explicit MomentBatch(const CovarianceJob& job) : x_job(job), x_setup(CovarianceSetup::of(job.options)) {}
+
+  /** Takes a point's moments, still in lanes: 11 rows of 16. */
+  void take(const float (&rows)[kMomentRows][kLanes], std::uint32_t to) {
+    for (int r = 0; r < kMomentRows; ++r) x_rows[r][x_filled] = sumOfLanes(rows[r]);
+    x_to[x_filled++] = to;
+    if (x_filled == kBatch) finish();
+  }
+
+  void finish() {
+    const int filled = x_filled;
+    for (; x_filled % kLanes != 0; ++x_filled)
+      for (int r = 0; r < kMomentRows; ++r) x_rows[r][x_filled] = r == 0 ? 1.0F : 0.0F;
+    alignas(64) float C[6][kBatch];
+    for (int i = 0; i < x_filled; i += kWidth) {
+      const auto row = [&](int r) { return load(&x_rows[r][i]); };
+      const Moments<F> m{
+          row(0), {row(1), row(2), row(3)}, {row(4), row(5), row(6), row(7), row(8), row(9)}, row(10)};
+      const Sym3<F> c = finished(m, x_setup);
+      store(&C[0][i], c.xx), store(&C[1][i], c.xy), store(&C[2][i], c.xz);
+      store(&C[3][i], c.yy), store(&C[4][i], c.yz), store(&C[5][i], c.zz);
+    }
+    const CovariancesOut& out = x_job.out;
+    for (int i = 0; i < filled; ++i) {
+      const std::uint32_t to = x_to[i];
+      out.xx[to] = C[0][i], out.xy[to] = C[1][i], out.xz[to] = C[2][i];
+      out.yy[to] = C[3][i], out.yz[to] = C[4][i], out.zz[to] = C[5][i];
+      out.neighbours[to] = static_cast<std::int32_t>(x_rows[10][i]);
+    }
+    x_filled = 0;
+  }
+
+ private:
+  static constexpr int kBatch = 64;
+  const CovarianceJob& x_job;
+  CovarianceSetup x_setup;
+  alignas(64) float x_rows[kMomentRows][kBatch];
+  std::uint32_t x_to[kBatch];
+  int x_filled = 0;
+};
+
+/** Copies [first, last) and up to kWidth - 1 more. */
+RACELOC_HD void copyLanes(const float* from, float* to, std::uint32_t count) {
+  for (std::uint32_t i = 0; i < count; i += kWidth) store(to + i, load(from + i));
+}
+
+/** The candidates of a cell, gathered once, then a point at a time with the candidates in lanes. */
+template <class WeightOf>
+RACELOC_HD void covariancesWith(const CovarianceJob& job, std::uint32_t first, std::uint32_t last, float* x,
+                                std::size_t stride, const WeightOf& weightOf) {
+  constexpr float nowhere_m = 1e9F;  // far outside any radius, and its square is finite
+  float *y = x + stride, *z = y + stride;
+  const F squared_radius_m2(job.options.radius_m * job.options.radius_m);
+  MomentBatch batch(job);
+  for (std::uint32_t cell = first; cell < last; ++cell) {
+    std::uint32_t count = 0;
+    for (int row = 0; row < kRowsAround; ++row) {
+      const Run run = job.runs[static_cast<std::size_t>(cell) * kRowsAround + static_cast<std::size_t>(row)];
+      const std::uint32_t length = run.last - run.first;
+      copyLanes(job.x + run.first, x + count, length);
+      copyLanes(job.y + run.first, y + count, length);
+      copyLanes(job.z + run.first, z + count, length);
+      count += length;
+    }
+    for (int i = 0; i < kLanes; i += kWidth) {
+      store(x + count + i, F(nowhere_m)), store(y + count + i, F(nowhere_m)),
+          store(z + count + i, F(nowhere_m));
+    }
+    for (std::uint32_t k = job.cell_first[cell]; k < job.cell_first[cell + 1]; ++k) {
+      const Vec3<F> q{F(job.x[k]), F(job.y[k]), F(job.z[k])};
+      alignas(64) float rows[kMomentRows][kLanes];
+      for (int part = 0; part < kParts; ++part) {
+        Moments<F> m;
+        for (std::uint32_t j = static_cast<std::uint32_t>(part * kWidth); j < count; j += kLanes)
+          m.add(Vec3<F>{load(x + j), load(y + j), load(z + j)} - q, squared_radius_m2, weightOf);
+        const int at = part * kWidth;
+        store(&rows[0][at], m.weight);
+        store(&rows[1][at], m.first.x), store(&rows[2][at], m.first.y), store(&rows[3][at], m.first.z);
+        store(&rows[4][at], m.second.xx), store(&rows[5][at], m.second.xy), store(&rows[6][at], m.second.xz);
+        store(&rows[7][at], m.second.yy), store(&rows[8][at], m.second.yz), store(&rows[9][at], m.second.zz);
+        store(&rows[10][at], m.neighbours);
+      }
+      batch.take(rows, job.order[k]);
+    }
+  }
+  batch.finish();
+}
+
+void covariances(const CovarianceJob& job, std::uint32_t first, std::uint32_t last, float* scratch,
+                 std::size_t scratch_stride) {
+  withWeight<F>(job.options, [&](const auto& weightOf) {
+    covariancesWith(job, first, last, scratch, scratch_stride, weightOf);
+  });
+}
+
+/** Voxel Gaussians of 16 points in lanes. */
+struct Gaussians {
+  alignas(64) std::int32_t record[kLanes];  ///< -1: none, the rest is then anything finite
+  alignas(64) float offset_m[3][kLanes];
+  alignas(64) float covariance_m2[6][kLanes];
+  alignas(64) std::int32_t cell[3][kLanes];
+
+  void set(int lane, const VoxelMapView& map, std::int32_t found) {
+    record[lane] = found;
+    const VoxelRecord nothing{{0, 0, 0}, {1, 0, 0, 1, 0, 1}, {0, 0, 0}};
+    const VoxelRecord& r = found >= 0 ? map.records[found] : nothing;
+    offset_m[0][lane] = r.offset_m.x, offset_m[1][lane] = r.offset_m.y, offset_m[2][lane] = r.offset_m.z;
+    covariance_m2[0][lane] = r.covariance_m2.xx, covariance_m2[1][lane] = r.covariance_m2.xy;
+    covariance_m2[2][lane] = r.covariance_m2.xz, covariance_m2[3][lane] = r.covariance_m2.yy;
+    covariance_m2[4][lane] = r.covariance_m2.yz, covariance_m2[5][lane] = r.covariance_m2.zz;
+    cell[0][lane] = r.cell.x, cell[1][lane] = r.cell.y, cell[2][lane] = r.cell.z;
+  }
+};
+
+/** Source points in lanes. */
+struct Source {
+  Vec3<F> p;
+  Sym3<F> C;
+};
+
+/** The pass's numbers, each in all lanes. */
+struct Setup {
+  explicit Setup(const PassSetup& s)
+      : setup(s),
+        R{F(s.R_map_source.xx), F(s.R_map_source.xy), F(s.R_map_source.xz),
+          F(s.R_map_source.yx), F(s.R_map_source.yy), F(s.R_map_source.yz),
+          F(s.R_map_source.zx), F(s.R_map_source.zy), F(s.R_map_source.zz)},
+        t_m{F(s.t_m.x), F(s.t_m.y), F(s.t_m.z)},
+        voxel_m(s.voxel_m),
+        voxels_per_m(s.voxels_per_m) {}
+  const PassSetup& setup;
+  Mat3<F> R;
+  Vec3<F> t_m;
+  F voxel_m, voxels_per_m;
+
+  RACELOC_HD Whitened<F> pair(const Source& source, const Gaussians& g, int at) const {
+    const auto centre = [&](int axis, std::int32_t anchor) {
+      return (toFloats(loadInts(&g.cell[axis][at]) - anchor) + F(0.5)) * voxel_m;
+    };
+    const Vec3<F> mean =
+        Vec3<F>{centre(0, setup.anchor.x), centre(1, setup.anchor.y), centre(2, setup.anchor.z)} +
+        Vec3<F>{load(&g.offset_m[0][at]), load(&g.offset_m[1][at]), load(&g.offset_m[2][at])};
+    const Sym3<F> C_map{load(&g.covariance_m2[0][at]), load(&g.covariance_m2[1][at]),
+                        load(&g.covariance_m2[2][at]), load(&g.covariance_m2[3][at]),
+                        load(&g.covariance_m2[4][at]), load(&g.covariance_m2[5][at])};
+    return whitened(transposed(R), source.p, source.C, mean - t_m, C_map);
+  }
+};
+
+/** A group of 16 points. The scalar twin of this is passPoint(). */
+class PassGroup {
+ public:
+  PassGroup(const PassJob& job, const Setup& setup, F (*sums)[kParts])
+      : x_job(job), x_setup(setup), x_sums(sums) {}
+
+  void run(std::size_t first, int count) {
+    x_first = first;
+    x_count = count;
+    readSource();
+    findCells();
+    M inlier[kParts];
+    for (M& m : inlier) m.v = Ints{};
+    for (std::int32_t k = 0; k < x_setup.setup.voxels_around; ++k) {
+      lookUp(k);
+      std::int32_t* fresh = x_job.fresh + static_cast<std::size_t>(k) * x_job.points.size + first;
+      M found[kParts];
+      F squared[kParts];
+      alignas(64) std::int32_t taken[kLanes];
+      for (int part = 0; part < kParts; ++part) {
+        const int at = part * kWidth;
+        const Source source = sourceAt(at);
+        const Whitened<F> w = x_setup.pair(source, x_gaussians, at);
+        const Ints record = loadInts(&x_gaussians.record[at]);
+        const M near = dot(w.e, w.e) <= F(x_setup.setup.squared_max_distance_m2);
+        found[part] = w.valid & near & M{record >= 0};
+        const Whitened<F> counted = countedIf(found[part], w);
+        squared[part] = counted.squared;
+        F sums[kSums];
+        for (int s = 0; s < kSums; ++s) sums[s] = x_sums[s][part];
+        addPair(counted, source.p, x_setup.setup.robust, sums);
+        for (int s = 0; s < kSums; ++s) x_sums[s][part] = sums[s];
+        inlier[part] = inlier[part] | found[part];
+        storeInts(&taken[at], found[part].v ? record : Ints{} - 1);
+      }
+      for (int lane = 0; lane < count; ++lane) fresh[lane] = taken[lane];
+      if (x_job.frozen != nullptr)
+        addFrozen(x_job.frozen + static_cast<std::size_t>(k) * x_job.points.size + first, taken, squared);
+    }
+    for (int part = 0; part < kParts; ++part) x_sums[kInliers][part] += select(inlier[part], F(1), F(0));
+  }
+
+ private:
+  void readSource() {
+    const CovariancesView& C = x_job.covariances;
+    const float* rows[9] = {x_job.points.x, x_job.points.y, x_job.points.z, C.xx, C.xy,
+                            C.xz,           C.yy,           C.yz,           C.zz};
+    for (int r = 0; r < 9; ++r) {
+      const float* from = rows[r] + x_first;
+      if (x_count == kLanes) {
+        for (int at = 0; at < kLanes; at += kWidth) store(&x_source[r][at], load(from + at));
+      } else {
+        for (int lane = 0; lane < kLanes; ++lane) x_source[r][lane] = lane < x_count ? from[lane] : 0.0F;
+      }
+    }
+  }
+
+  [[nodiscard]] Source sourceAt(int at) const {
+    const auto row = [&](int r) { return load(&x_source[r][at]); };
+    return {{row(0), row(1), row(2)}, {row(3), row(4), row(5), row(6), row(7), row(8)}};
+  }
+
+  /** Voxel of each point; a point that is not finite or far away becomes (0, 0, 0) without a voxel. */
+  void findCells() {
+    constexpr auto limit = static_cast<float>(2 * kCellLimit);
+    for (int at = 0; at < kLanes; at += kWidth) {
+      const Vec3<F> p{load(&x_source[0][at]), load(&x_source[1][at]), load(&x_source[2][at])};
+      const Vec3<F> q = x_setup.voxels_per_m * (x_setup.R * p + x_setup.t_m);
+      const M somewhere =
+          (absolute(q.x) < F(limit)) & (absolute(q.y) < F(limit)) & (absolute(q.z) < F(limit));  // not NaN
+      const Vec3<F> safe = select(somewhere, q, Vec3<F>{F(0), F(0), F(0)});
+      storeInts(&x_cell[0][at],
+                somewhere.v ? floorToInts(safe.x) + x_setup.setup.anchor.x : Ints{} - 4 * kCellLimit);
+      storeInts(&x_cell[1][at], floorToInts(safe.y) + x_setup.setup.anchor.y);
+      storeInts(&x_cell[2][at], floorToInts(safe.z) + x_setup.setup.anchor.z);
+      const F zero(0);
+      store(&x_source[0][at], select(somewhere, p.x, zero));
+      store(&x_source[1][at], select(somewhere, p.y, zero));
+      store(&x_source[2][at], select(somewhere, p.z, zero));
+    }
+  }
+
+  /** Neighbouring points are often in one voxel: it is then looked up once. */
+  void lookUp(std::int32_t k) {
+    Cell last{0, 0, 0};
+    std::int32_t found = -1;
+    for (int lane = 0; lane < kLanes; ++lane) {
+      const Cell cell{x_cell[0][lane], x_cell[1][lane], x_cell[2][lane]};
+      if (lane == 0 || cell.x != last.x || cell.y != last.y || cell.z != last.z)
+        found =
+            lane < x_count ? findRecord(x_job.map, voxelAround(cell, k, x_setup.setup.voxels_around)) : -1;
+      last = cell;
+      x_gaussians.set(lane, x_job.map, lane < x_count ? found : -1);
+    }
+  }
+
+  void addFrozen(const std::int32_t* frozen, const std::int32_t* taken, const F* squared) {
+    bool same = true;
+    for (int lane = 0; lane < x_count; ++lane) same &= frozen[lane] == taken[lane];
+    if (!same)
+      for (int lane = 0; lane < kLanes; ++lane)
+        x_gaussians.set(lane, x_job.map, lane < x_count ? frozen[lane] : -1);
+    for (int part = 0; part < kParts; ++part) {
+      const int at = part * kWidth;
+      const F s = same ? squared[part] : x_setup.pair(sourceAt(at), x_gaussians, at).squared;
+      const M counts{loadInts(&x_gaussians.record[at]) >= 0};
+      x_sums[kFrozenCost][part] += select(counts, F(0.5) * x_setup.setup.robust.cost(s), F(0));
+    }
+  }
+
+  const PassJob& x_job;
+  const Setup& x_setup;
+  F (*x_sums)[kParts];
+  std::size_t x_first = 0;
+  int x_count = 0;
+  alignas(64) float x_source[9][kLanes];
+  alignas(64) std::int32_t x_cell[3][kLanes];
+  Gaussians x_gaussians;
+};
+
+void pass(const PassJob& job, std::size_t first, std::size_t last, double* sums) {
+  F lanes[kSums][kParts] = {};
+  const Setup setup(job.setup);
+  PassGroup group(job, setup, lanes);
+  for (std::size_t i = first; i < last; i += kLanes)
+    group.run(i, static_cast<int>(last - i < kLanes ? last - i : kLanes));
+  for (int s = 0; s < kSums; ++s) {
+    alignas(64) float row[kLanes];
+    for (int part = 0; part < kParts; ++part) store(&row[part * kWidth], lanes[s][part]);
+    sums[s] = static_cast<double>(sumOfLanes(row));
+  }
+}
+
+/** As cellOf(), four or eight points at once. */
+void voxels(const VoxelJob& job, std::size_t first, std::size_t last, Box& box) {
+  constexpr int width = kWidth / 2;
+  using Doubles = double __attribute__((vector_size(8 * width)));
+  using Halves = float __attribute__((vector_size(4 * width)));
+  using Cells = std::int32_t __attribute__((vector_size(4 * width)));
+  using Longs = std::int64_t __attribute__((vector_size(8 * width)));
+  constexpr double limit = kCellLimit;
+  Cells low[3], high[3], kept{};
+  for (int axis = 0; axis < 3; ++axis) low[axis] = Cells{} + kCellLimit, high[axis] = Cells{} - kCellLimit;
+  const float* from[3] = {job.points.x, job.points.y, job.points.z};
+  std::int32_t* to[3] = {job.x, job.y, job.z};
+  for (std::size_t i = first; i < last; i += width) {
+    const std::size_t count = last - i < width ? last - i : width;
+    Longs inside = Longs{} - 1;
+    Cells cell[3];
+    for (int axis = 0; axis < 3; ++axis) {
+      Halves p{};
+      if (count == width) {
+        __builtin_memcpy(&p, from[axis] + i, sizeof(p));
+      } else {
+        for (std::size_t k = 0; k < width; ++k) p[k] = k < count ? from[axis][i + k] : __builtin_nanf("");
+      }
+      const Doubles q = __builtin_convertvector(p, Doubles) / job.voxel_size_m;
+      const Longs here = (q >= -limit) & (q < limit);
+      inside &= here;
+      const Doubles safe = here ? q : Doubles{};
+      const Cells whole = __builtin_convertvector(safe, Cells);
+      cell[axis] = whole + __builtin_convertvector(safe < __builtin_convertvector(whole, Doubles), Cells);
+    }
+    const Cells good = __builtin_convertvector(inside, Cells);
+    kept -= good;
+    for (int axis = 0; axis < 3; ++axis) {
+      low[axis] = (good & (cell[axis] < low[axis])) ? cell[axis] : low[axis];
+      high[axis] = (good & (cell[axis] > high[axis])) ? cell[axis] : high[axis];
+    }
+    cell[0] = good ? cell[0] : Cells{} + kNoCell;
+    for (int axis = 0; axis < 3; ++axis)
+      __builtin_memcpy(to[axis] + i, &cell[axis], count * sizeof(std::int32_t));
+  }
+  for (int k = 0; k < width; ++k) {
+    const auto widen = [&](const Cells* values, Cell& c, bool down) {
+      std::int32_t* axes[3] = {&c.x, &c.y, &c.z};
+      for (int axis = 0; axis < 3; ++axis) {
+        const std::int32_t v = values[axis][k];
+        if (down ? v < *axes[axis] : v > *axes[axis]) *axes[axis] = v;
+      }
+    };
+    widen(low, box.low, true);
+    widen(high, box.high, false);
+    box.kept += static_cast<std::size_t>(kept[k]);
+  }
+}
+
+}  // namespace
+
+extern const Loops loops;
+const Loops loops{GK_ISA_NAME, covariances, pass, voxels};
+
+}  // namespace raceloc::gpu::GK_ISA

@@ -1,0 +1,71 @@
+/** \file
+ * The inner loops of the CPU backend. cpu/loops.cpp is compiled once for each instruction set; which one runs
+ * is chosen when the program starts. All of them give the same bits. */
+#pragma once
+
+#include <cstdint>
+
+#include "core/factor.hpp"
+#include "core/neighbour_grid.hpp"
+#include "raceloc/gpu/covariance.h"
+#include "raceloc/gpu/types.h"
+
+namespace raceloc::gpu {
+
+/** Arrays that loops read may be read this many elements beyond their end. */
+inline constexpr std::size_t kPadding = 16;
+
+/** Covariances of points sorted by cell. */
+struct CovarianceJob {
+  const float *x, *y, *z;      ///< sorted, padded
+  const std::uint32_t* order;  ///< place of a sorted point in the caller's cloud
+  const std::uint32_t*
+      cell_first;   ///< first point of each cell, and behind the last cell the number of points
+  const Run* runs;  ///< kRowsAround a cell
+  CovarianceOptions options;
+  CovariancesOut out;
+};
+
+/** A pass over source points. */
+struct PassJob {
+  PointsView points;
+  CovariancesView covariances;
+  VoxelMapView map;
+  PassSetup setup;
+  const std::int32_t* frozen;  ///< may be null
+  std::int32_t* fresh;         ///< pair k of point i at k * points.size + i
+};
+
+/** Points of a block of a pass: its sums are floats, the sums over blocks are doubles. */
+inline constexpr std::size_t kPassBlock = 256;
+
+/** Index of no voxel. */
+inline constexpr std::int32_t kNoCell = INT32_MIN;
+
+/** Voxels of points, and the box that they fill. */
+struct VoxelJob {
+  PointsView points;
+  double voxel_size_m;
+  std::int32_t *x, *y, *z;  ///< x is kNoCell where a point has no voxel
+};
+
+struct Box {
+  Cell low{kCellLimit, kCellLimit, kCellLimit}, high{-kCellLimit, -kCellLimit, -kCellLimit};
+  std::size_t kept = 0;
+};
+
+struct Loops {
+  const char* instructions;  ///< for the log
+  /** The points of cells [first, last). \param scratch three times the most candidates of a cell + 2 kPadding
+   */
+  void (*covariances)(const CovarianceJob&, std::uint32_t first, std::uint32_t last, float* scratch,
+                      std::size_t scratch_stride);
+  /** The sums of points [first, last), at most kPassBlock, first a multiple of it. */
+  void (*pass)(const PassJob&, std::size_t first, std::size_t last, double* sums);
+  void (*voxels)(const VoxelJob&, std::size_t first, std::size_t last, Box& box);
+};
+
+/** The loops for the instruction set of the machine that runs. */
+[[nodiscard]] const Loops& loopsHere();
+
+}  // namespace raceloc::gpu
