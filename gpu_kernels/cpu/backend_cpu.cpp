@@ -116,17 +116,17 @@ class CpuBackend : public BackendBase {
     const NeighbourGrid grid = NeighbourGrid::over(points, options.radius_m);
     sortBy(grid.layout.bits, points.size, [&](auto& items) {
       using Item = typename std::decay_t<decltype(items)>::value_type;
+      items.resize(points.size);
       for (std::size_t i = 0; i < points.size; ++i)
-        items.push_back(Item::of(grid.layout.key(grid.cell(points.x[i], points.y[i], points.z[i])),
-                                 static_cast<std::uint32_t>(i)));
+        items[i] = Item::of(grid.layout.key(grid.cell(points.x[i], points.y[i], points.z[i])),
+                            static_cast<std::uint32_t>(i));
     });
     const float* from[3] = {points.x, points.y, points.z};
     for (std::size_t axis = 0; axis < 3; ++axis) {
       x_sorted[axis].resize(points.size + kPadding);
       for (std::size_t k = 0; k < points.size; ++k) x_sorted[axis][k] = from[axis][x_order[k]];
     }
-    const std::size_t candidates = findRuns(grid);
-    const std::size_t stride = candidates + 2 * kPadding, cells = x_first.size() - 1;
+    const std::size_t cells = x_first.size() - 1, stride = findRuns(grid) + 2 * kPadding;
     x_scratch.resize(3 * stride * static_cast<std::size_t>(x_workers.threads()));
     const CovarianceJob job{x_sorted[0].data(),
                             x_sorted[1].data(),
@@ -205,19 +205,28 @@ class CpuBackend : public BackendBase {
    * candidates of a cell */
   std::size_t findRuns(const NeighbourGrid& grid) {
     const std::size_t cells = x_keys.size();
+    // The three cells of a row have consecutive keys, so its run begins at most three cells before it ends.
+    constexpr std::size_t before = 3;
+    x_keys.insert(x_keys.begin(), before, kNoKey);
+    x_keys.push_back(kNoKey);
     x_runs.resize(cells * kRowsAround);
-    std::vector<std::size_t>::size_type most = 0;
-    std::array<std::size_t, kRowsAround> begin{}, end{};
+    std::size_t most = 0;
+    std::array<std::size_t, kRowsAround> end{};
+    end.fill(before);
     for (std::size_t cell = 0; cell < cells; ++cell) {
+      const std::uint64_t key = x_keys[before + cell];
       std::size_t candidates = 0;
       for (int row = 0; row < kRowsAround; ++row) {
-        const auto r = static_cast<std::size_t>(row);
-        const std::uint64_t low = grid.rowKey(x_keys[cell], row);
-        while (begin[r] < cells && x_keys[begin[r]] < low) ++begin[r];
-        end[r] = std::max(end[r], begin[r]);
-        while (end[r] < cells && x_keys[end[r]] < low + 3) ++end[r];
-        const Run run{x_first[begin[r]], x_first[end[r]]};
-        x_runs[cell * kRowsAround + r] = run;
+        const std::uint64_t low = grid.rowKey(key, row), high = low + 3;
+        std::size_t e = end[static_cast<std::size_t>(row)];
+        e += x_keys[e] < high ? 1 : 0;  // mostly it is one or two: no branch to mispredict
+        e += x_keys[e] < high ? 1 : 0;
+        while (x_keys[e] < high) ++e;
+        end[static_cast<std::size_t>(row)] = e;
+        std::size_t length = 0;
+        for (std::size_t back = 1; back <= before; ++back) length += x_keys[e - back] - low < 3 ? 1 : 0;
+        const Run run{x_first[e - before - length], x_first[e - before]};
+        x_runs[cell * kRowsAround + static_cast<std::size_t>(row)] = run;
         candidates += run.last - run.first;
       }
       most = std::max(most, candidates);

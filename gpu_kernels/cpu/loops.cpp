@@ -123,20 +123,35 @@ void covariances(const CovarianceJob& job, std::uint32_t first, std::uint32_t la
 
 /** Voxel Gaussians of 16 points in lanes. */
 struct Gaussians {
-  alignas(64) std::int32_t record[kLanes];  ///< -1: none, the rest is then anything finite
-  alignas(64) float offset_m[3][kLanes];
-  alignas(64) float covariance_m2[6][kLanes];
-  alignas(64) std::int32_t cell[3][kLanes];
+  alignas(64) std::int32_t record[kLanes];  ///< -1: none, the rest is then that of kNothing
+  alignas(64) float rows[12][kLanes];       ///< a VoxelRecord's words: offset, covariance, cell
 
-  void set(int lane, const VoxelMapView& map, std::int32_t found) {
-    record[lane] = found;
-    const VoxelRecord nothing{{0, 0, 0}, {1, 0, 0, 1, 0, 1}, {0, 0, 0}};
-    const VoxelRecord& r = found >= 0 ? map.records[found] : nothing;
-    offset_m[0][lane] = r.offset_m.x, offset_m[1][lane] = r.offset_m.y, offset_m[2][lane] = r.offset_m.z;
-    covariance_m2[0][lane] = r.covariance_m2.xx, covariance_m2[1][lane] = r.covariance_m2.xy;
-    covariance_m2[2][lane] = r.covariance_m2.xz, covariance_m2[3][lane] = r.covariance_m2.yy;
-    covariance_m2[4][lane] = r.covariance_m2.yz, covariance_m2[5][lane] = r.covariance_m2.zz;
-    cell[0][lane] = r.cell.x, cell[1][lane] = r.cell.y, cell[2][lane] = r.cell.z;
+  void gather(const VoxelMapView& map) {
+    static_assert(sizeof(VoxelRecord) == 12 * sizeof(float));
+    for (int lane = 0; lane < kLanes; lane += 4)
+      for (int word = 0; word < 12; word += 4) transpose4(map, lane, word);
+  }
+
+ private:
+  /** Words [word, word + 4) of the records of lanes [lane, lane + 4). */
+  RACELOC_HD void transpose4(const VoxelMapView& map, int lane, int word) {
+    static constexpr VoxelRecord kNothing{{0, 0, 0}, {1, 0, 0, 1, 0, 1}, {0, 0, 0}};
+    using Four = float __attribute__((vector_size(16)));
+    using Places = std::int32_t __attribute__((vector_size(16)));
+    Four r[4];
+    for (int k = 0; k < 4; ++k) {
+      const VoxelRecord* from = record[lane + k] >= 0 ? &map.records[record[lane + k]] : &kNothing;
+      __builtin_memcpy(&r[k], reinterpret_cast<const char*>(from) + word * sizeof(float), sizeof(Four));
+    }
+    const Four low_a = __builtin_shuffle(r[0], r[1], Places{0, 4, 1, 5});
+    const Four low_b = __builtin_shuffle(r[2], r[3], Places{0, 4, 1, 5});
+    const Four high_a = __builtin_shuffle(r[0], r[1], Places{2, 6, 3, 7});
+    const Four high_b = __builtin_shuffle(r[2], r[3], Places{2, 6, 3, 7});
+    const Four columns[4] = {__builtin_shuffle(low_a, low_b, Places{0, 1, 4, 5}),
+                             __builtin_shuffle(low_a, low_b, Places{2, 3, 6, 7}),
+                             __builtin_shuffle(high_a, high_b, Places{0, 1, 4, 5}),
+                             __builtin_shuffle(high_a, high_b, Places{2, 3, 6, 7})};
+    for (int k = 0; k < 4; ++k) __builtin_memcpy(&rows[word + k][lane], &columns[k], sizeof(Four));
   }
 };
 
@@ -162,15 +177,14 @@ struct Setup {
   F voxel_m, voxels_per_m;
 
   RACELOC_HD Whitened<F> pair(const Source& source, const Gaussians& g, int at) const {
+    const auto row = [&](int r) { return load(&g.rows[r][at]); };
     const auto centre = [&](int axis, std::int32_t anchor) {
-      return (toFloats(loadInts(&g.cell[axis][at]) - anchor) + F(0.5)) * voxel_m;
+      return (toFloats(bitsOf(row(9 + axis)) - anchor) + F(0.5)) * voxel_m;
     };
     const Vec3<F> mean =
         Vec3<F>{centre(0, setup.anchor.x), centre(1, setup.anchor.y), centre(2, setup.anchor.z)} +
-        Vec3<F>{load(&g.offset_m[0][at]), load(&g.offset_m[1][at]), load(&g.offset_m[2][at])};
-    const Sym3<F> C_map{load(&g.covariance_m2[0][at]), load(&g.covariance_m2[1][at]),
-                        load(&g.covariance_m2[2][at]), load(&g.covariance_m2[3][at]),
-                        load(&g.covariance_m2[4][at]), load(&g.covariance_m2[5][at])};
+        Vec3<F>{row(0), row(1), row(2)};
+    const Sym3<F> C_map{row(3), row(4), row(5), row(6), row(7), row(8)};
     return whitened(transposed(R), source.p, source.C, mean - t_m, C_map);
   }
 };
@@ -178,7 +192,7 @@ struct Setup {
 /** A group of 16 points. The scalar twin of this is passPoint(). */
 class PassGroup {
  public:
-  PassGroup(const PassJob& job, const Setup& setup, F (*sums)[kParts])
+  PassGroup(const PassJob& job, const Setup& setup, F (*sums)[kSums])
       : x_job(job), x_setup(setup), x_sums(sums) {}
 
   void run(std::size_t first, int count) {
@@ -203,10 +217,7 @@ class PassGroup {
         found[part] = w.valid & near & M{record >= 0};
         const Whitened<F> counted = countedIf(found[part], w);
         squared[part] = counted.squared;
-        F sums[kSums];
-        for (int s = 0; s < kSums; ++s) sums[s] = x_sums[s][part];
-        addPair(counted, source.p, x_setup.setup.robust, sums);
-        for (int s = 0; s < kSums; ++s) x_sums[s][part] = sums[s];
+        addPair(counted, source.p, x_setup.setup.robust, x_sums[part]);
         inlier[part] = inlier[part] | found[part];
         storeInts(&taken[at], found[part].v ? record : Ints{} - 1);
       }
@@ -214,7 +225,7 @@ class PassGroup {
       if (x_job.frozen != nullptr)
         addFrozen(x_job.frozen + static_cast<std::size_t>(k) * x_job.points.size + first, taken, squared);
     }
-    for (int part = 0; part < kParts; ++part) x_sums[kInliers][part] += select(inlier[part], F(1), F(0));
+    for (int part = 0; part < kParts; ++part) x_sums[part][kInliers] += select(inlier[part], F(1), F(0));
   }
 
  private:
@@ -263,31 +274,35 @@ class PassGroup {
     std::int32_t found = -1;
     for (int lane = 0; lane < kLanes; ++lane) {
       const Cell cell{x_cell[0][lane], x_cell[1][lane], x_cell[2][lane]};
-      if (lane == 0 || cell.x != last.x || cell.y != last.y || cell.z != last.z)
-        found =
-            lane < x_count ? findRecord(x_job.map, voxelAround(cell, k, x_setup.setup.voxels_around)) : -1;
+      if (lane >= x_count) {
+        found = -1;
+      } else if (lane == 0 || cell.x != last.x || cell.y != last.y || cell.z != last.z) {
+        found = findRecord(x_job.map, voxelAround(cell, k, x_setup.setup.voxels_around));
+      }
       last = cell;
-      x_gaussians.set(lane, x_job.map, lane < x_count ? found : -1);
+      x_gaussians.record[lane] = found;
     }
+    x_gaussians.gather(x_job.map);
   }
 
   void addFrozen(const std::int32_t* frozen, const std::int32_t* taken, const F* squared) {
     bool same = true;
     for (int lane = 0; lane < x_count; ++lane) same &= frozen[lane] == taken[lane];
-    if (!same)
-      for (int lane = 0; lane < kLanes; ++lane)
-        x_gaussians.set(lane, x_job.map, lane < x_count ? frozen[lane] : -1);
+    if (!same) {
+      for (int lane = 0; lane < kLanes; ++lane) x_gaussians.record[lane] = lane < x_count ? frozen[lane] : -1;
+      x_gaussians.gather(x_job.map);
+    }
     for (int part = 0; part < kParts; ++part) {
       const int at = part * kWidth;
       const F s = same ? squared[part] : x_setup.pair(sourceAt(at), x_gaussians, at).squared;
       const M counts{loadInts(&x_gaussians.record[at]) >= 0};
-      x_sums[kFrozenCost][part] += select(counts, F(0.5) * x_setup.setup.robust.cost(s), F(0));
+      x_sums[part][kFrozenCost] += select(counts, F(0.5) * x_setup.setup.robust.cost(s), F(0));
     }
   }
 
   const PassJob& x_job;
   const Setup& x_setup;
-  F (*x_sums)[kParts];
+  F (*x_sums)[kSums];
   std::size_t x_first = 0;
   int x_count = 0;
   alignas(64) float x_source[9][kLanes];
@@ -296,14 +311,14 @@ class PassGroup {
 };
 
 void pass(const PassJob& job, std::size_t first, std::size_t last, double* sums) {
-  F lanes[kSums][kParts] = {};
+  F lanes[kParts][kSums] = {};
   const Setup setup(job.setup);
   PassGroup group(job, setup, lanes);
   for (std::size_t i = first; i < last; i += kLanes)
     group.run(i, static_cast<int>(last - i < kLanes ? last - i : kLanes));
   for (int s = 0; s < kSums; ++s) {
     alignas(64) float row[kLanes];
-    for (int part = 0; part < kParts; ++part) store(&row[part * kWidth], lanes[s][part]);
+    for (int part = 0; part < kParts; ++part) store(&row[part * kWidth], lanes[part][s]);
     sums[s] = static_cast<double>(sumOfLanes(row));
   }
 }
