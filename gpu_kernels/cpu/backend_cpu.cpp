@@ -1,6 +1,8 @@
 /** \file
  * The CPU: what is not worth vectors, around the loops of cpu/loops.cpp. */
+#include <algorithm>
 #include <array>
+#include <numeric>
 #include <utility>
 #include <vector>
 
@@ -26,6 +28,12 @@ constexpr std::size_t kPiece = 4096;
 
 /** Cells of a piece: a few hundred points. */
 constexpr std::size_t kCellPiece = 64;
+
+/** Cells of a piece where only their runs are looked for. */
+constexpr std::size_t kRunPiece = 512;
+
+/** Cells of a row of a neighbourhood. */
+constexpr std::size_t kCellsOfRow = 3;
 
 /** What the passes work in; the backend keeps it from call to call. */
 struct PassBuffers {
@@ -90,13 +98,10 @@ class CpuBackend : public BackendBase {
     Points out;
     if (box.kept == 0) return out;
     const KeyLayout layout = KeyLayout::of(box.low, box.high);
-    sortBy(layout.bits, points.size, [&](auto& items) {
-      using Item = typename std::decay_t<decltype(items)>::value_type;
-      for (std::size_t i = 0; i < points.size; ++i) {
-        if (x_voxels[0][i] == kNoCell) continue;
-        items.push_back(Item::of(layout.key({x_voxels[0][i], x_voxels[1][i], x_voxels[2][i]}),
-                                 static_cast<std::uint32_t>(i)));
-      }
+    // One bit more: points without a voxel come last.
+    sortBy(layout.bits + 1, points.size, box.kept, [&](std::size_t i) {
+      return x_voxels[0][i] == kNoCell ? std::uint64_t{1} << layout.bits
+                                       : layout.key({x_voxels[0][i], x_voxels[1][i], x_voxels[2][i]});
     });
     const std::size_t voxels = x_first.size() - 1;
     for (auto* v : {&out.x, &out.y, &out.z}) v->resize(voxels);
@@ -114,18 +119,15 @@ class CpuBackend : public BackendBase {
     resize(out, points.size);
     if (points.size == 0) return out;
     const NeighbourGrid grid = NeighbourGrid::over(points, options.radius_m);
-    sortBy(grid.layout.bits, points.size, [&](auto& items) {
-      using Item = typename std::decay_t<decltype(items)>::value_type;
-      items.resize(points.size);
-      for (std::size_t i = 0; i < points.size; ++i)
-        items[i] = Item::of(grid.layout.key(grid.cell(points.x[i], points.y[i], points.z[i])),
-                            static_cast<std::uint32_t>(i));
+    sortBy(grid.layout.bits, points.size, points.size,
+           [&](std::size_t i) { return grid.layout.key(grid.cell(points.x[i], points.y[i], points.z[i])); });
+    for (auto& axis : x_sorted) axis.resize(points.size + kPadding);
+    x_workers.forPieces(points.size, kPiece, [&](std::size_t first, std::size_t last, int) {
+      for (std::size_t k = first; k < last; ++k) {
+        const std::uint32_t i = x_order[k];
+        x_sorted[0][k] = points.x[i], x_sorted[1][k] = points.y[i], x_sorted[2][k] = points.z[i];
+      }
     });
-    const float* from[3] = {points.x, points.y, points.z};
-    for (std::size_t axis = 0; axis < 3; ++axis) {
-      x_sorted[axis].resize(points.size + kPadding);
-      for (std::size_t k = 0; k < points.size; ++k) x_sorted[axis][k] = from[axis][x_order[k]];
-    }
     const std::size_t cells = x_first.size() - 1, stride = findRuns(grid) + 2 * kPadding;
     x_scratch.resize(3 * stride * static_cast<std::size_t>(x_workers.threads()));
     const CovarianceJob job{x_sorted[0].data(),
@@ -174,25 +176,19 @@ class CpuBackend : public BackendBase {
     return all;
   }
 
-  /** Sorts what `fill` lists by key: x_order, and where each run of equal keys begins (x_first, ending with
-   * the number of items) with its key (x_keys). */
-  template <class Fill>
-  void sortBy(int bits, std::size_t n, const Fill& fill) {
+  /** Sorts n indices by key, of which the first `kept` count: x_order, and where each run of equal keys begins
+   * (x_first, ending with `kept`) with its key (x_keys). */
+  template <class KeyOf>
+  void sortBy(int bits, std::size_t n, std::size_t kept, const KeyOf& keyOf) {
     const auto with = [&](auto& items, auto& scratch) {
-      items.clear();
-      items.reserve(n);
-      fill(items);
-      radixSort(items, scratch, bits);
-      x_order.resize(items.size());
-      x_first.clear();
-      x_keys.clear();
-      for (std::size_t k = 0; k < items.size(); ++k) {
-        x_order[k] = items[k].index;
-        if (k > 0 && items[k].key == items[k - 1].key) continue;
-        x_first.push_back(static_cast<std::uint32_t>(k));
-        x_keys.push_back(items[k].key);
-      }
-      x_first.push_back(static_cast<std::uint32_t>(items.size()));
+      using Item = typename std::decay_t<decltype(items)>::value_type;
+      items.resize(n);
+      x_workers.forPieces(n, kPiece, [&](std::size_t first, std::size_t last, int) {
+        for (std::size_t i = first; i < last; ++i)
+          items[i] = Item::of(keyOf(i), static_cast<std::uint32_t>(i));
+      });
+      radixSort(items, scratch, bits, x_workers, x_places);
+      listRuns(items, kept);
     };
     if (bits <= 32) {
       with(x_narrow[0], x_narrow[1]);
@@ -201,31 +197,70 @@ class CpuBackend : public BackendBase {
     }
   }
 
-  /** The nine runs of each cell: rows only ever move forward, so nothing is searched. \return the most
-   * candidates of a cell */
+  template <class Items>
+  void listRuns(const Items& items, std::size_t kept) {
+    const auto isHead = [&](std::size_t k) { return k == 0 || items[k].key != items[k - 1].key; };
+    x_heads.assign((kept + kPiece - 1) / kPiece + 1, 0);
+    x_workers.forPieces(kept, kPiece, [&](std::size_t first, std::size_t last, int) {
+      std::uint32_t heads = 0;
+      for (std::size_t k = first; k < last; ++k) heads += isHead(k) ? 1 : 0;
+      x_heads[first / kPiece + 1] = heads;
+    });
+    std::partial_sum(x_heads.begin(), x_heads.end(), x_heads.begin());
+    x_order.resize(kept);
+    x_keys.resize(x_heads.back());
+    x_first.resize(x_heads.back() + 1);
+    x_first.back() = static_cast<std::uint32_t>(kept);
+    x_workers.forPieces(kept, kPiece, [&](std::size_t first, std::size_t last, int) {
+      std::uint32_t run = x_heads[first / kPiece];
+      for (std::size_t k = first; k < last; ++k) {
+        x_order[k] = items[k].index;
+        if (!isHead(k)) continue;
+        x_first[run] = static_cast<std::uint32_t>(k);
+        x_keys[run++] = items[k].key;
+      }
+    });
+  }
+
+  /** The nine runs of each cell. \return the most candidates of a cell */
   std::size_t findRuns(const NeighbourGrid& grid) {
     const std::size_t cells = x_keys.size();
-    // The three cells of a row have consecutive keys, so its run begins at most three cells before it ends.
-    constexpr std::size_t before = 3;
-    x_keys.insert(x_keys.begin(), before, kNoKey);
+    x_keys.insert(x_keys.begin(), kCellsOfRow, kNoKey);
     x_keys.push_back(kNoKey);
     x_runs.resize(cells * kRowsAround);
-    std::size_t most = 0;
+    x_candidates.assign((cells + kRunPiece - 1) / kRunPiece, 0);
+    x_workers.forPieces(cells, kRunPiece, [&](std::size_t first, std::size_t last, int) {
+      x_candidates[first / kRunPiece] = findRuns(grid, first, last);
+    });
+    return *std::max_element(x_candidates.begin(), x_candidates.end());
+  }
+
+  /** Of cells [first, last). From cell to cell the rows only move forward. x_keys begins with kCellsOfRow keys of
+   * no cell, and ends with one: a row's cells have consecutive keys, so its run begins at most three cells before
+   * it ends. */
+  std::size_t findRuns(const NeighbourGrid& grid, std::size_t first, std::size_t last) {
     std::array<std::size_t, kRowsAround> end{};
-    end.fill(before);
-    for (std::size_t cell = 0; cell < cells; ++cell) {
-      const std::uint64_t key = x_keys[before + cell];
+    for (int row = 0; row < kRowsAround; ++row) {
+      const std::uint64_t low = grid.rowKey(x_keys[kCellsOfRow + first], row);
+      const auto begin = x_keys.begin() + kCellsOfRow;
+      end[static_cast<std::size_t>(row)] =
+          static_cast<std::size_t>(std::lower_bound(begin, x_keys.end(), low) - x_keys.begin());
+    }
+    std::size_t most = 0;
+    for (std::size_t cell = first; cell < last; ++cell) {
+      const std::uint64_t key = x_keys[kCellsOfRow + cell];
       std::size_t candidates = 0;
       for (int row = 0; row < kRowsAround; ++row) {
-        const std::uint64_t low = grid.rowKey(key, row), high = low + 3;
+        const std::uint64_t low = grid.rowKey(key, row), high = low + kCellsOfRow;
         std::size_t e = end[static_cast<std::size_t>(row)];
         e += x_keys[e] < high ? 1 : 0;  // mostly it is one or two: no branch to mispredict
         e += x_keys[e] < high ? 1 : 0;
         while (x_keys[e] < high) ++e;
         end[static_cast<std::size_t>(row)] = e;
         std::size_t length = 0;
-        for (std::size_t back = 1; back <= before; ++back) length += x_keys[e - back] - low < 3 ? 1 : 0;
-        const Run run{x_first[e - before - length], x_first[e - before]};
+        for (std::size_t back = 1; back <= kCellsOfRow; ++back)
+          length += x_keys[e - back] - low < kCellsOfRow ? 1 : 0;
+        const Run run{x_first[e - kCellsOfRow - length], x_first[e - kCellsOfRow]};
         x_runs[cell * kRowsAround + static_cast<std::size_t>(row)] = run;
         candidates += run.last - run.first;
       }
@@ -242,7 +277,8 @@ class CpuBackend : public BackendBase {
   std::vector<Box> x_boxes;
   std::array<std::vector<NarrowItem>, 2> x_narrow;
   std::array<std::vector<WideItem>, 2> x_wide;
-  std::vector<std::uint32_t> x_order, x_first;
+  std::vector<std::uint32_t> x_order, x_first, x_places, x_heads;
+  std::vector<std::size_t> x_candidates;
   std::vector<std::uint64_t> x_keys;
   std::array<std::vector<float>, 3> x_sorted;
   std::vector<Run> x_runs;

@@ -2,10 +2,11 @@
  * Stable sort of (key, index) by the low bits of the key, least significant digit first. */
 #pragma once
 
-#include <array>
 #include <cstdint>
 #include <utility>
 #include <vector>
+
+#include "cpu/workers.hpp"
 
 namespace raceloc::gpu {
 
@@ -24,24 +25,37 @@ struct NarrowItem {
   }
 };
 
-/** Sorts `items` by the lowest `bits` of their keys, in as few rounds as digits of 11 bits need; `scratch` is
- * overwritten. */
+/** Sorts `items` by the lowest `bits` of their keys, in as few rounds as digits of 11 bits need; `scratch` and
+ * `places` are overwritten. Each worker has a piece, and writes to places of its own. */
 template <class Item>
-void radixSort(std::vector<Item>& items, std::vector<Item>& scratch, int bits) {
+void radixSort(std::vector<Item>& items, std::vector<Item>& scratch, int bits, Workers& workers,
+               std::vector<std::uint32_t>& places) {
   constexpr int most_digit_bits = 11;
   const int rounds = (bits + most_digit_bits - 1) / most_digit_bits;
-  if (rounds == 0) return;
+  if (rounds == 0 || items.empty()) return;
   const int digit_bits = (bits + rounds - 1) / rounds;
-  const std::uint32_t mask = (1U << digit_bits) - 1;
+  const std::uint32_t digits = 1U << digit_bits;
+  const auto threads = static_cast<std::size_t>(workers.threads());
+  const std::size_t piece = (items.size() + threads - 1) / threads;
   scratch.resize(items.size());
   for (int round = 0; round < rounds; ++round) {
     const int shift = round * digit_bits;
-    std::array<std::uint32_t, 1U << most_digit_bits> place{};
-    const auto digit = [=](const Item& item) { return static_cast<std::uint32_t>(item.key >> shift) & mask; };
-    for (const Item& item : items) ++place[digit(item)];
+    const auto digit = [=](const Item& item) {
+      return static_cast<std::uint32_t>(item.key >> shift) & (digits - 1);
+    };
+    places.assign(threads * digits, 0);
+    const auto placesOf = [&](std::size_t first) { return &places[first / piece * digits]; };
+    workers.forPieces(items.size(), piece, [&](std::size_t first, std::size_t last, int) {
+      std::uint32_t* count = placesOf(first);
+      for (std::size_t k = first; k < last; ++k) ++count[digit(items[k])];
+    });
     std::uint32_t total = 0;
-    for (std::uint32_t& p : place) total += std::exchange(p, total);
-    for (const Item& item : items) scratch[place[digit(item)]++] = item;
+    for (std::uint32_t d = 0; d < digits; ++d)
+      for (std::size_t t = 0; t < threads; ++t) total += std::exchange(places[t * digits + d], total);
+    workers.forPieces(items.size(), piece, [&](std::size_t first, std::size_t last, int) {
+      std::uint32_t* place = placesOf(first);
+      for (std::size_t k = first; k < last; ++k) scratch[place[digit(items[k])]++] = items[k];
+    });
     items.swap(scratch);
   }
 }
