@@ -44,17 +44,19 @@ void radixSort(std::vector<Item>& items, std::vector<Item>& scratch, int bits, W
       return static_cast<std::uint32_t>(item.key >> shift) & (digits - 1);
     };
     places.assign(threads * digits, 0);
+    const Item* from = items.data();  // plain pointers: what is stored cannot be a vector's own
+    Item* to = scratch.data();
     const auto placesOf = [&](std::size_t first) { return &places[first / piece * digits]; };
     workers.forPieces(items.size(), piece, [&](std::size_t first, std::size_t last, int) {
       std::uint32_t* count = placesOf(first);
-      for (std::size_t k = first; k < last; ++k) ++count[digit(items[k])];
+      for (std::size_t k = first; k < last; ++k) ++count[digit(from[k])];
     });
     std::uint32_t total = 0;
     for (std::uint32_t d = 0; d < digits; ++d)
       for (std::size_t t = 0; t < threads; ++t) total += std::exchange(places[t * digits + d], total);
     workers.forPieces(items.size(), piece, [&](std::size_t first, std::size_t last, int) {
       std::uint32_t* place = placesOf(first);
-      for (std::size_t k = first; k < last; ++k) scratch[place[digit(items[k])]++] = items[k];
+      for (std::size_t k = first; k < last; ++k) to[place[digit(from[k])]++] = from[k];
     });
     items.swap(scratch);
   }
