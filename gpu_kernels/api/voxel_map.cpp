@@ -25,6 +25,10 @@ std::size_t VoxelMap::keepWithin(const std::array<double, 3>& centre_m, double d
   return x_storage->changed([&](VoxelTable& table) { return table.keepWithin(centre_m, distance_m); });
 }
 
+std::size_t VoxelMap::keepNewest(std::size_t voxels) {
+  return x_storage->changed([&](VoxelTable& table) { return table.keepNewest(voxels); });
+}
+
 std::size_t VoxelMap::size() const { return x_storage->table().records().size(); }
 double VoxelMap::voxelSize() const { return x_storage->table().voxelSize(); }
 VoxelGaussians VoxelMap::contents() const { return x_storage->table().contents(); }

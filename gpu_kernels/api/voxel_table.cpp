@@ -4,6 +4,7 @@
 #include <cmath>
 #include <limits>
 #include <numeric>
+#include <utility>
 
 namespace raceloc::gpu {
 
@@ -53,6 +54,7 @@ std::size_t VoxelTable::insert(const PointsView& points, const CovariancesView& 
   const Vec3<double> t{T_map_points.t[0], T_map_points.t[1], T_map_points.t[2]};
   std::size_t dropped = 0;
   std::vector<std::int32_t> touched;
+  ++x_insertions;
   for (std::size_t i = 0; i < points.size; ++i) {
     const Vec3<double> p = R * Vec3<double>{points.x[i], points.y[i], points.z[i]} + t;
     const Sym3<double> C = turned(R, Sym3<double>{covariances.xx[i], covariances.xy[i], covariances.xz[i],
@@ -68,8 +70,8 @@ std::size_t VoxelTable::insert(const PointsView& points, const CovariancesView& 
         sum.offset_m + Vec3<double>{p.x - centre(cell.x), p.y - centre(cell.y), p.z - centre(cell.z)};
     sum.covariance_m2 = sum.covariance_m2 + C;
     ++sum.count;
-    if (!sum.touched) touched.push_back(record);
-    sum.touched = true;
+    if (sum.last_insertion != x_insertions) touched.push_back(record);
+    sum.last_insertion = x_insertions;
   }
   for (const std::int32_t i : touched) {
     Accumulator& sum = x_accumulators[static_cast<std::size_t>(i)];
@@ -80,21 +82,18 @@ std::size_t VoxelTable::insert(const PointsView& points, const CovariancesView& 
     record.covariance_m2 = {mean(sum.covariance_m2.xx), mean(sum.covariance_m2.xy),
                             mean(sum.covariance_m2.xz), mean(sum.covariance_m2.yy),
                             mean(sum.covariance_m2.yz), mean(sum.covariance_m2.zz)};
-    sum.touched = false;
   }
   return dropped;
 }
 
-std::size_t VoxelTable::keepWithin(const std::array<double, 3>& centre_m, double distance_m) {
-  std::size_t kept = 0;
+/** \param keep called with a record and its accumulator */
+template <class Keep>
+std::size_t VoxelTable::keepIf(const Keep& keep) {
   const std::size_t before = x_records.size();
+  std::size_t kept = 0;
   for (std::size_t i = 0; i < before; ++i) {
-    const VoxelRecord& record = x_records[i];
-    const double dx = centre(record.cell.x) + static_cast<double>(record.offset_m.x) - centre_m[0];
-    const double dy = centre(record.cell.y) + static_cast<double>(record.offset_m.y) - centre_m[1];
-    const double dz = centre(record.cell.z) + static_cast<double>(record.offset_m.z) - centre_m[2];
-    if (!(dx * dx + dy * dy + dz * dz <= distance_m * distance_m)) continue;
-    x_records[kept] = record;
+    if (!keep(x_records[i], x_accumulators[i])) continue;
+    x_records[kept] = x_records[i];
     x_accumulators[kept] = x_accumulators[i];
     ++kept;
   }
@@ -102,6 +101,28 @@ std::size_t VoxelTable::keepWithin(const std::array<double, 3>& centre_m, double
   x_accumulators.resize(kept);
   rehash(kept);
   return before - kept;
+}
+
+std::size_t VoxelTable::keepWithin(const std::array<double, 3>& centre_m, double distance_m) {
+  return keepIf([&](const VoxelRecord& record, const Accumulator&) {
+    const double dx = centre(record.cell.x) + static_cast<double>(record.offset_m.x) - centre_m[0];
+    const double dy = centre(record.cell.y) + static_cast<double>(record.offset_m.y) - centre_m[1];
+    const double dz = centre(record.cell.z) + static_cast<double>(record.offset_m.z) - centre_m[2];
+    return dx * dx + dy * dy + dz * dz <= distance_m * distance_m;
+  });
+}
+
+std::size_t VoxelTable::keepNewest(std::size_t voxels) {
+  if (voxels >= x_records.size()) return 0;
+  const auto byAge = [](const Accumulator& sum, const VoxelRecord& record) {
+    return std::make_pair(-sum.last_insertion, packedKey(record.cell));
+  };
+  std::vector<std::pair<std::int64_t, std::uint64_t>> ages(x_records.size());
+  for (std::size_t i = 0; i < ages.size(); ++i) ages[i] = byAge(x_accumulators[i], x_records[i]);
+  const auto first_dropped = ages.begin() + static_cast<std::ptrdiff_t>(voxels);
+  std::nth_element(ages.begin(), first_dropped, ages.end());
+  return keepIf(
+      [&](const VoxelRecord& record, const Accumulator& sum) { return byAge(sum, record) < *first_dropped; });
 }
 
 VoxelGaussians VoxelTable::contents() const {

@@ -17,6 +17,7 @@ class VoxelTable {
   std::size_t insert(const PointsView& points, const CovariancesView& covariances,
                      const Transform& T_map_points);
   std::size_t keepWithin(const std::array<double, 3>& centre_m, double distance_m);
+  std::size_t keepNewest(std::size_t voxels);
   [[nodiscard]] VoxelGaussians contents() const;
 
   [[nodiscard]] double voxelSize() const { return x_voxel_size_m; }
@@ -32,16 +33,19 @@ class VoxelTable {
     Vec3<double> offset_m{0, 0, 0};
     Sym3<double> covariance_m2{0, 0, 0, 0, 0, 0};
     std::int64_t count = 0;
-    bool touched = false;
+    std::int64_t last_insertion = 0;
   };
 
   [[nodiscard]] std::int32_t findOrAdd(const Cell& cell);
   void rehash(std::size_t expected_voxels);
   void enter(std::int32_t record);
+  template <class Keep>
+  std::size_t keepIf(const Keep& keep);
   [[nodiscard]] double centre(std::int32_t index) const { return (index + 0.5) * x_voxel_size_m; }
 
   double x_voxel_size_m;
   std::int32_t x_shift = 0;
+  std::int64_t x_insertions = 0;
   std::vector<VoxelSlot> x_slots;
   std::vector<VoxelRecord> x_records;       ///< what a pass reads, in order of first insertion
   std::vector<Accumulator> x_accumulators;  ///< beside x_records

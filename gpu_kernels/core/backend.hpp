@@ -13,6 +13,7 @@
 
 namespace raceloc::gpu {
 
+struct Loops;
 class VoxelTable;
 
 /** A voxel map's copy on a device. */
@@ -53,6 +54,7 @@ class BackendBase {
 
 /** \param threads >= 1; without TBB in the build it is 1 */
 std::unique_ptr<BackendBase> makeCpuBackend(int threads);
+std::unique_ptr<BackendBase> makeCpuBackend(int threads, const Loops& loops);  ///< with loops of loopsHere()
 
 /** \throws DeviceError with the reason if there is no usable device or CUDA was not built in */
 std::unique_ptr<BackendBase> makeCudaBackend(int device);

@@ -83,7 +83,7 @@ class CpuPasses : public PassRunner {
 
 class CpuBackend : public BackendBase {
  public:
-  explicit CpuBackend(int threads) : x_loops(loopsHere()), x_workers(threads) {}
+  CpuBackend(const Loops& loops, int threads) : x_loops(loops), x_workers(threads) {}
 
   [[nodiscard]] Backend kind() const override { return Backend::cpu; }
   [[nodiscard]] std::string description() const override {
@@ -287,6 +287,14 @@ class CpuBackend : public BackendBase {
 
 }  // namespace
 
-std::unique_ptr<BackendBase> makeCpuBackend(int threads) { return std::make_unique<CpuBackend>(threads); }
+std::unique_ptr<BackendBase> makeCpuBackend(int threads) {
+  const auto loops = loopsHere();
+  if (loops.empty()) throw DeviceError("CPU: older than x86-64-v2 (SSE 4.2)");
+  return makeCpuBackend(threads, *loops.front());
+}
+
+std::unique_ptr<BackendBase> makeCpuBackend(int threads, const Loops& loops) {
+  return std::make_unique<CpuBackend>(loops, threads);
+}
 
 }  // namespace raceloc::gpu

@@ -4,6 +4,7 @@
 #pragma once
 
 #include <cstdint>
+#include <vector>
 
 #include "core/factor.hpp"
 #include "core/neighbour_grid.hpp"
@@ -65,7 +66,7 @@ struct Loops {
   void (*voxels)(const VoxelJob&, std::size_t first, std::size_t last, Box& box);
 };
 
-/** The loops for the instruction set of the machine that runs. */
-[[nodiscard]] const Loops& loopsHere();
+/** The loops that this machine can run, the fastest first. */
+[[nodiscard]] std::vector<const Loops*> loopsHere();
 
 }  // namespace raceloc::gpu

@@ -13,22 +13,24 @@ namespace x86_64_v4 {
 extern const Loops loops;
 }
 
-const Loops& loopsHere() {
+std::vector<const Loops*> loopsHere() {
   __builtin_cpu_init();
+  std::vector<const Loops*> here;
   if (__builtin_cpu_supports("avx512f") && __builtin_cpu_supports("avx512vl") &&
       __builtin_cpu_supports("avx512dq") && __builtin_cpu_supports("avx512bw") &&
       __builtin_cpu_supports("avx512cd"))
-    return x86_64_v4::loops;
+    here.push_back(&x86_64_v4::loops);
   if (__builtin_cpu_supports("avx2") && __builtin_cpu_supports("bmi") && __builtin_cpu_supports("bmi2") &&
       __builtin_cpu_supports("fma"))
-    return x86_64_v3::loops;
-  return x86_64_v2::loops;
+    here.push_back(&x86_64_v3::loops);
+  if (__builtin_cpu_supports("sse4.2") && __builtin_cpu_supports("popcnt")) here.push_back(&x86_64_v2::loops);
+  return here;
 }
 #else
 namespace plain {
 extern const Loops loops;
 }
-const Loops& loopsHere() { return plain::loops; }
+std::vector<const Loops*> loopsHere() { return {&plain::loops}; }
 #endif
 
 }  // namespace raceloc::gpu

@@ -99,6 +99,33 @@ TEST_P(Map, ForgetsWhatIsFar) {
   EXPECT_EQ(map.size(), 0U);
 }
 
+TEST_P(Map, ForgetsWhatIsOld) {
+  const Points first = randomCloud(1, 800, 5), second = randomCloud(2, 800, 5);
+  const Covariances C = randomCovariances(1, first.size());
+  VoxelMap map(context(), 0.8);
+  std::map<VoxelIndex, Sums> expected, newest;
+  map.insert(first.view(), C.view(), {});
+  map.insert(second.view(), C.view(), {});
+  insertInto(expected, 0.8, first, C, {});
+  insertInto(expected, 0.8, second, C, {});
+  insertInto(newest, 0.8, second, C, {});
+  ASSERT_LT(newest.size(), expected.size());
+  const std::size_t room = newest.size() + 20;  // the new ones, and of the old ones the first 20
+  std::size_t old = 0, dropped = 0;
+  for (auto it = expected.begin(); it != expected.end();) {
+    const bool drop = newest.count(it->first) == 0 && old++ >= 20;
+    dropped += drop ? 1 : 0;
+    it = drop ? expected.erase(it) : std::next(it);
+  }
+  EXPECT_EQ(map.keepNewest(room), dropped);
+  expectSame(map.contents(), expected);
+  EXPECT_EQ(map.keepNewest(room), 0U);
+  map.insert(first.view(), C.view(), {});  // what was dropped begins anew
+  insertInto(expected, 0.8, first, C, {});
+  expectSame(map.contents(), expected);
+  EXPECT_EQ(map.keepNewest(0), expected.size());
+}
+
 TEST_P(Map, DropsAndCountsWhatHasNoVoxel) {
   VoxelMap map(context(), 0.1);
   Points p = randomCloud(1, 6, 1);

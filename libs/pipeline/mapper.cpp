@@ -197,7 +197,7 @@ BuiltMap buildMap(const std::string& log_path, const MapperOptions& options, con
   if (log.gps_labels != "*") requireDevice(summary, "gps", log.gps_labels);
   if (log.vehicle_labels != "*") requireDevice(summary, "vehicle", log.vehicle_labels);
 
-  gpu::Context context(options.matching.device.device);
+  gpu::Context context(options.matching.device.device, 0, options.matching.device.threads);
   Survey survey(context, options);
   LogReader reader(log_path, log);
   while (auto sample = reader.next()) {

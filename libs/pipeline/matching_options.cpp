@@ -6,6 +6,7 @@ void DeviceOptions::describe(OptionList& keys) {
   keys.add("device", device,
            {{"auto", gpu::Backend::automatic}, {"cpu", gpu::Backend::cpu}, {"cuda", gpu::Backend::cuda}},
            "where the kernels run; auto: on a GPU if one answers");
+  keys.add("threads", threads, between(1, 256), "of the kernels on the CPU; they change no bit of a result");
 }
 
 void MatchingOptions::load(IniFile& ini) {

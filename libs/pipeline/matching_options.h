@@ -20,6 +20,7 @@ namespace raceloc {
 /** Section [device]. */
 struct DeviceOptions {
   gpu::Backend device = gpu::Backend::automatic;
+  int threads = 2;
   void describe(OptionList& keys);
 };
 

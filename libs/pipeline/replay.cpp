@@ -122,7 +122,8 @@ ReplayReport replay(const std::string& log_path, const std::string& map_path, co
     annotated.emplace(output_path, origin, sourcesOf(summary, log.gps_labels),
                       options.live.output_gzip_level);
 
-  gpu::Context context(options.localizer.matching.device.device);
+  const DeviceOptions& device = options.localizer.matching.device;
+  gpu::Context context(device.device, 0, device.threads);
   Localizer localizer(context, map, options.localizer);
   LogReader reader(log_path, log, origin);
   ReplayReport report{};

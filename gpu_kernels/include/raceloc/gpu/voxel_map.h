@@ -18,7 +18,7 @@ struct VoxelGaussians {
   [[nodiscard]] std::size_t size() const { return ix.size(); }
 };
 
-/** Grows by insert(), shrinks by keepWithin(); reading it never changes it, so many threads may. It serves
+/** Grows by insert(), shrinks by keepWithin() and keepNewest(); reading it never changes it, so many threads may. It serves
  * the contexts of the device it was made with (linearize() throws std::invalid_argument for a CUDA context
  * with another's map). */
 class VoxelMap {
@@ -37,6 +37,10 @@ class VoxelMap {
 
   /** Drops the voxels whose mean is farther than `distance_m` from `centre_m`; returns how many. */
   std::size_t keepWithin(const std::array<double, 3>& centre_m, double distance_m);
+
+  /** Drops the voxels that took no point for longest, until at most `voxels` are left (of equally old ones, those
+   * last in (z, y, x)); returns how many. */
+  std::size_t keepNewest(std::size_t voxels);
 
   [[nodiscard]] std::size_t size() const;  ///< occupied voxels
   [[nodiscard]] double voxelSize() const;  ///< [m]

@@ -1,0 +1,104 @@
+/** \file
+ * One input, one answer: whatever the instruction set and the number of threads. */
+#include "api/voxel_table.hpp"
+#include "core/se3_lm.hpp"
+#include "cpu/loops.hpp"
+#include "gtest/gtest.h"
+#include "tests/scenes.h"
+
+namespace raceloc::gpu::test {
+namespace {
+
+constexpr std::array kWeights{Weight::rbf, Weight::gaussian, Weight::polynomial, Weight::hist,
+                              Weight::laplacian};
+
+/** A hall with what may be met in a scan: a dense place, one far away, and points that are none. */
+Points scan(unsigned seed) {
+  Points p = hall(seed, 20000);
+  for (int i = 0; i < 700; ++i) push(p, 3 + 1e-4 * i, 2, 1);
+  push(p, 4000, -3000, 20);
+  return p;
+}
+
+Points withBadPoints(Points p) {
+  push(p, std::nan(""), 0, 0);
+  push(p, 0, HUGE_VAL, 0);
+  push(p, 0, 0, -1e9);
+  return p;
+}
+
+void expectSame(const Covariances& a, const Covariances& b) {
+  EXPECT_EQ(a.xx, b.xx);
+  EXPECT_EQ(a.xy, b.xy);
+  EXPECT_EQ(a.xz, b.xz);
+  EXPECT_EQ(a.yy, b.yy);
+  EXPECT_EQ(a.yz, b.yz);
+  EXPECT_EQ(a.zz, b.zz);
+  EXPECT_EQ(a.neighbours, b.neighbours);
+}
+
+/** Calls `check(reference, other)` with a backend of one thread and each other kind that this machine runs. */
+template <class Check>
+void forAllBackends(const Check& check) {
+  const auto loops = loopsHere();
+  ASSERT_FALSE(loops.empty());
+  const auto reference = makeCpuBackend(1, *loops.front());
+  for (const Loops* set : loops)
+    for (const int threads : {1, 2, 5}) {
+      SCOPED_TRACE(std::string(set->instructions) + ", threads: " + std::to_string(threads));
+      check(*reference, *makeCpuBackend(threads, *set));
+    }
+}
+
+TEST(CpuLoops, GiveTheSameVoxelGrid) {
+  const Points p = withBadPoints(scan(1));
+  forAllBackends([&](BackendBase& reference, BackendBase& other) {
+    for (const double size_m : {0.1, 1.0, 1e-4}) {  // the last has keys of more than 32 bits
+      std::size_t dropped = 0, dropped_there = 1;
+      const Points here = reference.voxelGrid(p.view(), size_m, dropped);
+      const Points there = other.voxelGrid(p.view(), size_m, dropped_there);
+      EXPECT_EQ(dropped, dropped_there);
+      EXPECT_EQ(here.x, there.x);
+      EXPECT_EQ(here.y, there.y);
+      EXPECT_EQ(here.z, there.z);
+    }
+  });
+}
+
+TEST(CpuLoops, GiveTheSameCovariances) {
+  const Points p = scan(2);
+  forAllBackends([&](BackendBase& reference, BackendBase& other) {
+    for (const Weight weight : kWeights) {
+      CovarianceOptions o;
+      o.weight = weight;
+      o.radius_m = 0.6F;
+      o.polynomial_degree = 3;
+      expectSame(reference.covariances(p.view(), o), other.covariances(p.view(), o));
+    }
+  });
+}
+
+TEST(CpuLoops, GiveTheSamePose) {
+  const Points target = scan(3), source = withBadPoints(hall(4, 7001));  // no multiple of a group or block
+  forAllBackends([&](BackendBase& reference, BackendBase& other) {
+    const Covariances C = randomCovariances(5, source.size());
+    VoxelTable table(1.0);
+    table.insert(target.view(), reference.covariances(target.view(), {}).view(), {});
+    for (const int around : {1, 7, 27}) {
+      MatchOptions o;
+      o.neighbour_voxels = around;
+      const Transform guess = pose({0, 0.01, 0.03}, {0.2, 0.1, -0.1});
+      const Match here = gaussNewton(*reference.passes(source.view(), C.view(), table, nullptr, o), guess, o);
+      const Match there = gaussNewton(*other.passes(source.view(), C.view(), table, nullptr, o), guess, o);
+      EXPECT_GT(here.iterations, 2);
+      EXPECT_EQ(here.iterations, there.iterations);
+      EXPECT_EQ(here.T_map_source.R, there.T_map_source.R);
+      EXPECT_EQ(here.T_map_source.t, there.T_map_source.t);
+      EXPECT_EQ(here.last.H, there.last.H);
+      EXPECT_EQ(here.last.cost, there.last.cost);
+    }
+  });
+}
+
+}  // namespace
+}  // namespace raceloc::gpu::test
