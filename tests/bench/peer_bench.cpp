@@ -6,13 +6,11 @@
 
 #include <array>
 #include <ctime>
-#include <iomanip>
 #include <iostream>
 
 #include "bench/peer.h"
 #include "bench/real_pairs.h"
 #include "cli/app.h"
-#include "core/statistics.h"
 
 namespace raceloc::bench {
 namespace {
@@ -155,14 +153,6 @@ struct Measured {
     error_deg.push_back(error.rotation_deg);
   }
 };
-
-double median(const std::vector<double>& values) { return quantile(values, 0.5); }
-
-std::string number(double value, int digits) {
-  std::ostringstream text;
-  text << std::fixed << std::setprecision(digits) << value;
-  return text.str();
-}
 
 /** The rows of one recording; rounds go through its pairs in turn. */
 void printRows(const std::string& data, const std::vector<RealPair>& pairs, double radius_m) {

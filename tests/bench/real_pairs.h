@@ -1,16 +1,18 @@
 /** \file
- * What the comparisons share: real scan pairs with their references, starts drawn round them, errors. */
+ * What the comparisons share: real scan pairs with their references, starts drawn round them, errors, figures. */
 #pragma once
 
 #include <cstddef>
 #include <filesystem>
-#include <map>
+#include <iomanip>
 #include <random>
+#include <sstream>
 #include <string>
 #include <utility>
 #include <vector>
 
 #include "core/errors.h"
+#include "core/statistics.h"
 #include "core/types.h"
 #include "sensors/kitti.h"
 #include "sensors/rawlog.h"
@@ -94,6 +96,14 @@ struct PoseDistance {
   step.linear() = Eigen::AngleAxisd(by.rotation_deg * kDegree, direction()).toRotationMatrix();
   step.translation() = by.translation_m * direction();
   return T * step;
+}
+
+[[nodiscard]] inline double median(const std::vector<double>& values) { return quantile(values, 0.5); }
+
+[[nodiscard]] inline std::string number(double value, int digits) {
+  std::ostringstream text;
+  text << std::fixed << std::setprecision(digits) << value;
+  return text.str();
 }
 
 }  // namespace raceloc::bench
