@@ -11,6 +11,7 @@
 #include <utility>
 #include <vector>
 
+#include "cloud/covariances.h"
 #include "core/errors.h"
 #include "core/statistics.h"
 #include "core/types.h"
