@@ -26,6 +26,7 @@ constexpr PoseDistance kSuccess{0.3, 2.0};
 struct Outcome {
   Pose T_target_source;
   bool converged;
+  int iterations;
 };
 
 /** Matches one pair from a guess. */
@@ -35,7 +36,7 @@ using Aligner = std::function<Outcome(const Pose&)>;
 struct ThinPair {
   Cloud source, target;
   Pose T_target_source;
-  double leaf_m;
+  double radius_m;  ///< within which the median point has the 10 neighbours that the peer takes
 };
 
 struct Method {
@@ -54,7 +55,7 @@ Aligner ourAligner(CovarianceCloud source, const CovarianceCloud& target, const 
   prepared->map.insert(viewOf(target.cloud), target.covariances.view(), {});
   return [prepared, gicp](const Pose& guess) {
     const auto match = align(prepared->context, prepared->source, prepared->map, guess, gicp);
-    return Outcome{match.T_target_source, match.stop == gpu::Stop::converged};
+    return Outcome{match.T_target_source, match.stop == gpu::Stop::converged, match.iterations};
   };
 }
 
@@ -79,7 +80,7 @@ std::vector<Method> methods() {
                      const auto map = peerVoxelMap(*withPeerCovariances(pair.target), kVoxel_m);
                      return [source, map](const Pose& guess) {
                        const auto match = peerVgicp(*map, *source, guess);
-                       return Outcome{match.T_target_source, match.converged};
+                       return Outcome{match.T_target_source, match.converged, match.iterations};
                      };
                    }});
     all.push_back({"ours, as small_gicp, with its covariances", [](const ThinPair& pair) {
@@ -92,7 +93,7 @@ std::vector<Method> methods() {
     std::cout << "small_gicp: not installed (CMake's RACELOC_SMALL_GICP)\n\n";
   }
   all.push_back({"ours, as small_gicp", [](const ThinPair& pair) {
-                   return ours(pair, covarianceAsPeer(pair.leaf_m), gicpAsPeer());
+                   return ours(pair, covarianceAsPeer(pair.radius_m), gicpAsPeer());
                  }});
   all.push_back({"ours, defaults", [](const ThinPair& pair) { return ours(pair, {}, {}); }});
   return all;
@@ -101,8 +102,8 @@ std::vector<Method> methods() {
 /** What a method made of the starts. */
 struct Tally {
   std::size_t starts = 0, successes = 0;
-  std::size_t wrong = 0;                   ///< says it converged, and is no success
-  std::vector<double> error_m, error_deg;  ///< of the successes
+  std::size_t wrong = 0;                               ///< says it converged, and is no success
+  std::vector<double> error_m, error_deg, iterations;  ///< of the successes
 };
 
 /** Start k is on pair k modulo their number; the same for every method. */
@@ -124,6 +125,7 @@ Tally tally(const Method& method, const std::vector<ThinPair>& pairs, const Pose
     ++result.successes;
     result.error_m.push_back(error.translation_m);
     result.error_deg.push_back(error.rotation_deg);
+    result.iterations.push_back(outcome.iterations);
   }
   return result;
 }
@@ -152,18 +154,18 @@ struct Recording {
     std::vector<ThinPair> thin;
     for (const RealPair& pair : pairs)
       thin.push_back({voxelGrid(context, pair.source, leaf_m), voxelGrid(context, pair.target, leaf_m),
-                      pair.T_target_source, leaf_m});
+                      pair.T_target_source, pair.ten_neighbours * leaf_m});
     return thin;
   }
 };
 
 void printErrors(const std::vector<Recording>& recordings) {
-  std::cout
-      << "## Errors and success beside small_gicp\n\n"
-      << "Errors of the successes: median / 90th percentile / rmse. The reference of scan_pair was made by "
-         "small_gicp and is good to 0.02 m and 0.7 deg only.\n\n"
-      << "| recording | leaf [m] | start off by | method | success [%] | converged elsewhere [%] | "
-         "translation [m] | rotation [deg] |\n|---|---|---|---|---|---|---|---|\n";
+  std::cout << "## Errors and success beside small_gicp\n\n"
+            << "Errors of the successes: median / 90th percentile / rmse; linearisations: median. The "
+               "reference of scan_pair was made by "
+               "small_gicp and is good to 0.02 m and 0.7 deg only.\n\n"
+            << "| recording | leaf [m] | start off by | method | success [%] | converged elsewhere [%] | "
+               "translation [m] | rotation [deg] | linearisations |\n|---|---|---|---|---|---|---|---|---|\n";
   const auto compared = methods();
   for (const auto& recording : recordings)
     for (const double leaf_m : {0.25, 0.5}) {
@@ -174,7 +176,7 @@ void printErrors(const std::vector<Recording>& recordings) {
           std::cout << "| " << recording.name << " | " << number(leaf_m, 2) << " | " << text(off) << " | "
                     << method.name << " | " << percent(t.successes, t.starts) << " | "
                     << percent(t.wrong, t.starts) << " | " << spread(t.error_m, 4) << " | "
-                    << spread(t.error_deg, 3) << " |\n"
+                    << spread(t.error_deg, 3) << " | " << number(median(t.iterations), 0) << " |\n"
                     << std::flush;
         }
     }
@@ -196,7 +198,7 @@ void printBasin(const std::vector<Recording>& recordings) {
     compared.push_back({"ours, defaults, " + name,
                         [covariance](const ThinPair& pair) { return ours(pair, covariance, {}); }});
   }
-  std::cout << "\n## Basin: success [%] from starts off by\n\n| recording | method";
+  std::cout << "\n## Basin: success (converged elsewhere) [%] from starts off by\n\n| recording | method";
   for (const auto& off : offs) std::cout << " | " << text(off);
   std::cout << " |\n|---|---|---|---|---|---|\n";
   for (const auto& recording : recordings) {
@@ -205,7 +207,7 @@ void printBasin(const std::vector<Recording>& recordings) {
       std::cout << "| " << recording.name << " | " << method.name;
       for (const auto& off : offs) {
         const Tally t = tally(method, pairs, off);
-        std::cout << " | " << percent(t.successes, t.starts);
+        std::cout << " | " << percent(t.successes, t.starts) << " (" << percent(t.wrong, t.starts) << ")";
       }
       std::cout << " |\n" << std::flush;
     }

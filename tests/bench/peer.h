@@ -17,7 +17,8 @@ constexpr bool kPeerInstalled = true;
 constexpr bool kPeerInstalled = false;
 #endif
 
-/** Our options, set to what the peer does: its stop rule, its gate, no robust loss. */
+/** Our options, set to what the peer does: its stop rule, its gate, no robust loss. Of its 20 iterations it counts only
+ * the accepted ones; we count those too that the damping rejects. */
 [[nodiscard]] inline GicpOptions gicpAsPeer() {
   GicpOptions o;
   o.max_iterations = 20;
@@ -28,13 +29,12 @@ constexpr bool kPeerInstalled = false;
   return o;
 }
 
-/** Equal weights, within the radius where the median point of a scan thinned to `leaf_m` has about the 10 neighbours
- * that the peer takes. */
-[[nodiscard]] inline CovarianceOptions covarianceAsPeer(double leaf_m) {
+/** Equal weights within a radius, for the peer's equal weights of the 10 nearest. */
+[[nodiscard]] inline CovarianceOptions covarianceAsPeer(double radius_m) {
   CovarianceOptions o;
   o.kernel = gpu::Weight::gaussian;
   o.gaussian_sigma_m = 1e3;
-  o.radius_m = 2 * leaf_m;
+  o.radius_m = radius_m;
   return o;
 }
 

@@ -155,15 +155,15 @@ struct Measured {
 };
 
 /** The rows of one recording; rounds go through its pairs in turn. */
-void printRows(const std::string& data, const std::vector<RealPair>& pairs, double radius_m) {
+void printRows(const std::string& data, const std::vector<RealPair>& pairs) {
   gpu::Context one(gpu::Backend::cpu, 0, 1), two(gpu::Backend::cpu, 0, 2);
-  CovarianceOptions covariance = covarianceAsPeer(kLeaf_m);
-  covariance.radius_m = radius_m;
+  const double radius_m = pairs.front().ten_neighbours * kLeaf_m;
+  const auto covariance = covarianceAsPeer(radius_m).forKernels();
   std::vector<OurPair> ours;
   std::vector<PeerPair> peers;
   std::vector<double> neighbours;
   for (const RealPair& pair : pairs) {
-    ours.emplace_back(one, pair, covariance.forKernels());
+    ours.emplace_back(one, pair, covariance);
     const auto& n = ours.back().C_source.neighbours;
     neighbours.insert(neighbours.end(), n.begin(), n.end());
     if constexpr (kPeerInstalled) peers.emplace_back(pair);
@@ -221,9 +221,8 @@ void run() {
             << "linearisations, distance from the reference.\n\n"
             << "| data | step | small_gicp | ours | ours / small_gicp | two threads, times faster (wall) | "
                "result, small_gicp | result, ours |\n|---|---|---|---|---|---|---|---|\n";
-  // Radii at which the median point has the peer's 10 neighbours.
-  printRows("scan_pair", {scanPair()}, 0.5);
-  printRows("KITTI 01, " + std::to_string(consecutive.size()) + " pairs", consecutive, 0.6);
+  printRows("scan_pair", {scanPair()});
+  printRows("KITTI 01, " + std::to_string(consecutive.size()) + " pairs", consecutive);
 }
 
 }  // namespace

@@ -24,9 +24,10 @@ namespace raceloc::bench {
 
 struct RealPair {
   std::string name;
-  Cloud source, target;  ///< raw scans
-  Pose T_target_source;  ///< reference
-  Pose guess;            ///< what a first guess without other sensors would be
+  Cloud source, target;   ///< raw scans
+  Pose T_target_source;   ///< reference
+  Pose guess;             ///< what a first guess without other sensors would be
+  double ten_neighbours;  ///< radius, in leaves, within which the median point of a thinned scan has 10
 };
 
 /** The pair of small_gicp, guessed as no motion. Its reference is no independent truth: small_gicp made it, and
@@ -37,8 +38,9 @@ struct RealPair {
   auto pair = gpu::test::readScanPair(data);
   if (!pair) throw InputError("no scan pair in " + data + "/scan_pair");
   const auto cloud = [](gpu::Points& p) { return Cloud{std::move(p.x), std::move(p.y), std::move(p.z), {}}; };
-  return {"scan_pair", cloud(pair->source), cloud(pair->target), toPose(pair->T_target_source),
-          Pose::Identity()};
+  return {"scan_pair",         cloud(pair->source),
+          cloud(pair->target), toPose(pair->T_target_source),
+          Pose::Identity(),    2.0};
 }
 
 /** Consecutive scans of KITTI odometry 01, a motorway at 10 to 18 m/s, with the body's true poses. */
@@ -48,7 +50,7 @@ struct KittiSequence {
   /** Scan `i` >= 2 on the one before it, guessed as the true motion between those two before. */
   [[nodiscard]] RealPair pair(std::size_t i) const {
     const auto motion = [&](std::size_t k) { return T_map_body[k - 1].inverse() * T_map_body[k]; };
-    return {"KITTI 01 #" + std::to_string(i), scans[i], scans[i - 1], motion(i), motion(i - 1)};
+    return {"KITTI 01 #" + std::to_string(i), scans[i], scans[i - 1], motion(i), motion(i - 1), 2.4};
   }
 };
 
