@@ -1,6 +1,6 @@
 /** \file
  * How exact and how forgiving our VGICP is beside small_gicp's: real pairs, matched from 200 starts that are off by
- * a known amount. */
+ * a known amount. For small_gicp see peer_bench.cpp. */
 #include <array>
 #include <cmath>
 #include <functional>
@@ -72,7 +72,8 @@ std::shared_ptr<PeerPoints> withPeerCovariances(const Cloud& cloud) {
   return points;
 }
 
-std::vector<Method> methods() {
+/** The peer, and ours with its settings: all that is there of them. */
+std::vector<Method> peerAndEquals() {
   std::vector<Method> all;
   if constexpr (kPeerInstalled) {
     all.push_back({"small_gicp", [](const ThinPair& pair) -> Aligner {
@@ -89,19 +90,16 @@ std::vector<Method> methods() {
                      };
                      return ourAligner(both(pair.source), both(pair.target), gicpAsPeer());
                    }});
-  } else {
-    std::cout << "small_gicp: not installed (CMake's RACELOC_SMALL_GICP)\n\n";
   }
   all.push_back({"ours, as small_gicp", [](const ThinPair& pair) {
                    return ours(pair, covarianceAsPeer(pair.radius_m), gicpAsPeer());
                  }});
-  all.push_back({"ours, defaults", [](const ThinPair& pair) { return ours(pair, {}, {}); }});
   return all;
 }
 
 /** What a method made of the starts. */
 struct Tally {
-  std::size_t starts = 0, successes = 0;
+  std::size_t successes = 0;
   std::size_t wrong = 0;                               ///< says it converged, and is no success
   std::vector<double> error_m, error_deg, iterations;  ///< of the successes
 };
@@ -116,7 +114,6 @@ Tally tally(const Method& method, const std::vector<ThinPair>& pairs, const Pose
     const Pose& truth = pairs[k % pairs.size()].T_target_source;
     const Outcome outcome = aligners[k % pairs.size()](perturbed(truth, off, engine));
     const PoseDistance error = distance(truth, outcome.T_target_source);
-    ++result.starts;
     if (!outcome.converged) continue;
     if (error.translation_m > kSuccess.translation_m || error.rotation_deg > kSuccess.rotation_deg) {
       ++result.wrong;
@@ -130,8 +127,8 @@ Tally tally(const Method& method, const std::vector<ThinPair>& pairs, const Pose
   return result;
 }
 
-std::string percent(std::size_t part, std::size_t whole) {
-  return number(100 * static_cast<double>(part) / static_cast<double>(whole), 1);
+std::string percentOfStarts(std::size_t part) {
+  return number(100 * static_cast<double>(part) / static_cast<double>(kStarts), 1);
 }
 
 /** median / 90th percentile / rmse */
@@ -166,7 +163,8 @@ void printErrors(const std::vector<Recording>& recordings) {
                "small_gicp and is good to 0.02 m and 0.7 deg only.\n\n"
             << "| recording | leaf [m] | start off by | method | success [%] | converged elsewhere [%] | "
                "translation [m] | rotation [deg] | linearisations |\n|---|---|---|---|---|---|---|---|---|\n";
-  const auto compared = methods();
+  auto compared = peerAndEquals();
+  compared.push_back({"ours, defaults", [](const ThinPair& pair) { return ours(pair, {}, {}); }});
   for (const auto& recording : recordings)
     for (const double leaf_m : {0.25, 0.5}) {
       const auto pairs = recording.thinned(leaf_m);
@@ -174,8 +172,8 @@ void printErrors(const std::vector<Recording>& recordings) {
         for (const auto& method : compared) {
           const Tally t = tally(method, pairs, off);
           std::cout << "| " << recording.name << " | " << number(leaf_m, 2) << " | " << text(off) << " | "
-                    << method.name << " | " << percent(t.successes, t.starts) << " | "
-                    << percent(t.wrong, t.starts) << " | " << spread(t.error_m, 4) << " | "
+                    << method.name << " | " << percentOfStarts(t.successes) << " | "
+                    << percentOfStarts(t.wrong) << " | " << spread(t.error_m, 4) << " | "
                     << spread(t.error_deg, 3) << " | " << number(median(t.iterations), 0) << " |\n"
                     << std::flush;
         }
@@ -185,8 +183,7 @@ void printErrors(const std::vector<Recording>& recordings) {
 void printBasin(const std::vector<Recording>& recordings) {
   constexpr double leaf_m = 0.5;  // what odometry takes
   const std::array<PoseDistance, 4> offs{{{0.5, 2.5}, {1, 5}, {1.5, 7.5}, {2, 10}}};
-  auto compared = methods();
-  compared.pop_back();  // the defaults come kernel by kernel
+  auto compared = peerAndEquals();
   const std::vector<std::pair<std::string, gpu::Weight>> kernels{{"rbf", gpu::Weight::rbf},
                                                                  {"gaussian", gpu::Weight::gaussian},
                                                                  {"polynomial", gpu::Weight::polynomial},
@@ -207,7 +204,7 @@ void printBasin(const std::vector<Recording>& recordings) {
       std::cout << "| " << recording.name << " | " << method.name;
       for (const auto& off : offs) {
         const Tally t = tally(method, pairs, off);
-        std::cout << " | " << percent(t.successes, t.starts) << " (" << percent(t.wrong, t.starts) << ")";
+        std::cout << " | " << percentOfStarts(t.successes) << " (" << percentOfStarts(t.wrong) << ")";
       }
       std::cout << " |\n" << std::flush;
     }
@@ -223,6 +220,7 @@ void run() {
 
   std::cout << kStarts << " starts each; success: converged within " << text(kSuccess)
             << " of the reference. Voxels of " << number(kVoxel_m, 1) << " m.\n\n";
+  if (!kPeerInstalled) std::cout << "small_gicp: not installed\n\n";
   printErrors(recordings);
   printBasin(recordings);
 }

@@ -1,5 +1,7 @@
 /** \file
- * Our steps against small_gicp's on real scans: peer, ours, peer, ours, ... in one run, serial CPU time of the process. */
+ * Our steps against small_gicp's on real scans: peer, ours, peer, ours, ... in one run, serial CPU time of the process.
+ * The peer comes from its source package (PyPI, `pip download --no-binary :all: --no-deps small_gicp==1.0.1`), unpacked
+ * and named to CMake by RACELOC_SMALL_GICP; nothing of it is installed. */
 #include <raceloc/gpu/covariance.h>
 #include <raceloc/gpu/matcher.h>
 #include <raceloc/gpu/voxel_grid.h>
