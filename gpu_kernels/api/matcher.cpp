@@ -8,9 +8,7 @@ namespace raceloc::gpu {
 
 namespace {
 
-std::unique_ptr<PassRunner> checkedPasses(Context& context, const PointsView& source,
-                                          const CovariancesView& covariances, const VoxelMap& map,
-                                          const MatchOptions& o) {
+void check(const PointsView& source, const CovariancesView& covariances, const MatchOptions& o) {
   requireSameSize(source, covariances);
   requireCountable(source.size);
   require(o.max_iterations >= 1, "max_iterations", o.max_iterations, ">= 1");
@@ -21,20 +19,54 @@ std::unique_ptr<PassRunner> checkedPasses(Context& context, const PointsView& so
   require(o.robust_width >= 0 && std::isfinite(o.robust_width), "robust_width", o.robust_width,
           "finite and >= 0");
   requirePositive("max_distance_m", o.max_distance_m);
-  return context.implementation().passes(source, covariances, map.storage().table(), map.storage().mirror(),
-                                         o);
+}
+
+/** Calls `use` with the passes of a source against a voxel map. */
+template <class Use>
+auto withPasses(Context& context, const PointsView& source, const CovariancesView& covariances,
+                const VoxelMap& map, const MatchOptions& options, const Use& use) {
+  check(source, covariances, options);
+  return use(*context.implementation().passes(source, covariances, map.storage().table(),
+                                              map.storage().mirror(), options));
+}
+
+/** The same against points. */
+template <class Use>
+auto withPasses(Context& context, const PointsView& source, const CovariancesView& covariances,
+                const NearestTarget& target, const MatchOptions& options, const Use& use) {
+  check(source, covariances, options);
+  if (context.backend() == Backend::cpu)
+    return use(*context.implementation().nearestPasses(source, covariances, target.storage(), options));
+  const auto cpu = makeCpuBackend(1);
+  return use(*cpu->nearestPasses(source, covariances, target.storage(), options));
 }
 
 }  // namespace
 
 Linearization linearize(Context& context, const PointsView& source, const CovariancesView& covariances,
                         const VoxelMap& map, const Transform& T_map_source, const MatchOptions& options) {
-  return linearization(checkedPasses(context, source, covariances, map, options)->run(T_map_source));
+  return withPasses(context, source, covariances, map, options,
+                    [&](PassRunner& passes) { return linearization(passes.run(T_map_source)); });
+}
+
+Linearization linearize(Context& context, const PointsView& source, const CovariancesView& covariances,
+                        const NearestTarget& target, const Transform& T_target_source,
+                        const MatchOptions& options) {
+  return withPasses(context, source, covariances, target, options,
+                    [&](PassRunner& passes) { return linearization(passes.run(T_target_source)); });
 }
 
 Match match(Context& context, const PointsView& source, const CovariancesView& covariances,
             const VoxelMap& map, const Transform& T_map_source_guess, const MatchOptions& options) {
-  return gaussNewton(*checkedPasses(context, source, covariances, map, options), T_map_source_guess, options);
+  return withPasses(context, source, covariances, map, options,
+                    [&](PassRunner& passes) { return gaussNewton(passes, T_map_source_guess, options); });
+}
+
+Match match(Context& context, const PointsView& source, const CovariancesView& covariances,
+            const NearestTarget& target, const Transform& T_target_source_guess,
+            const MatchOptions& options) {
+  return withPasses(context, source, covariances, target, options,
+                    [&](PassRunner& passes) { return gaussNewton(passes, T_target_source_guess, options); });
 }
 
 }  // namespace raceloc::gpu

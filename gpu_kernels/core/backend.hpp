@@ -9,6 +9,7 @@
 #include "raceloc/gpu/context.h"
 #include "raceloc/gpu/covariance.h"
 #include "raceloc/gpu/matcher.h"
+#include "raceloc/gpu/nearest_target.h"
 #include "raceloc/gpu/types.h"
 
 namespace raceloc::gpu {
@@ -50,6 +51,11 @@ class BackendBase {
   virtual std::unique_ptr<PassRunner> passes(const PointsView& source, const CovariancesView& covariances,
                                              const VoxelTable& table, const MapMirror* mirror,
                                              const MatchOptions& options) = 0;
+  /** As passes(), with the nearest point as pair; of the CPU's backend only. */
+  virtual std::unique_ptr<PassRunner> nearestPasses(const PointsView&, const CovariancesView&,
+                                                    const NearestTarget::Storage&, const MatchOptions&) {
+    throw std::logic_error("nearest-point passes run on the CPU");
+  }
 };
 
 /** \param threads >= 1; without TBB in the build it is 1 */
@@ -59,7 +65,7 @@ std::unique_ptr<BackendBase> makeCpuBackend(int threads, const Loops& loops);  /
 /** \throws DeviceError with the reason if there is no usable device or CUDA was not built in */
 std::unique_ptr<BackendBase> makeCudaBackend(int device);
 
-/** The float setup of a pass. */
+/** The float setup of a pass. \param voxel_size_m 0 for a target of points: they are their records' offsets. */
 PassSetup passSetup(const Transform& T_map_source, double voxel_size_m, const MatchOptions& options);
 
 /** The Gauss-Newton system of a pass. */

@@ -66,14 +66,24 @@ RACELOC_HD Eigen3<T> eigen(Sym3<T> a) {
  */
 inline constexpr double kNormalGap = 1e-3;
 
+/** Variance of a point whose surface is unknown, among planes of variances (epsilon, 1, 1): it must not pull
+ * harder than they do along themselves, or voxels full of such points hold a match back. */
+inline constexpr float kUnknownPlane = 4;
+
+/** Covariance of a point that nothing is known of. */
+template <class T>
+RACELOC_HD Sym3<T> unknownSurface(Regularisation how, T squared_radius_m2) {
+  return isotropic(how == Regularisation::plane ? T(kUnknownPlane) : squared_radius_m2);
+}
+
 /** C made fit for registration. Where the neighbourhood says nothing (it is one point; for `plane`, it has no
- * normal) the answer is isotropic, of variance radius^2. */
+ * normal) the answer is unknownSurface(). */
 template <class T>
 RACELOC_HD Sym3<T> regularised(const Sym3<T>& C, Regularisation how, T epsilon, T squared_radius_m2) {
   if (how == Regularisation::none) return C;
   const T size = trace(C);
   const auto spread = size > T(1e-10) * squared_radius_m2;
-  const Sym3<T> unknown = isotropic(squared_radius_m2);
+  const Sym3<T> unknown = unknownSurface(how, squared_radius_m2);
   const Eigen3<T> e = eigen((T(1) / select(spread, size, T(1))) * C);
   if (how == Regularisation::plane) {
     const auto flat = e.middle - e.low >= T(kNormalGap) * e.high;

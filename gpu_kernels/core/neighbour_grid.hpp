@@ -81,7 +81,8 @@ struct CovarianceSetup {
 template <class T>
 RACELOC_HD Sym3<T> finished(const Moments<T>& moments, const CovarianceSetup& setup) {
   const T squared_radius_m2(setup.squared_radius_m2);
-  return select(moments.neighbours < T(setup.min_neighbours), isotropic(squared_radius_m2),
+  return select(moments.neighbours < T(setup.min_neighbours),
+                unknownSurface(setup.regularisation, squared_radius_m2),
                 regularised(moments.covariance(), setup.regularisation, T(setup.epsilon), squared_radius_m2));
 }
 

@@ -15,7 +15,7 @@ PassSetup passSetup(const Transform& T_map_source, double voxel_size_m, const Ma
   setup.t_m = {f(t[0] - setup.anchor.x * voxel_size_m), f(t[1] - setup.anchor.y * voxel_size_m),
                f(t[2] - setup.anchor.z * voxel_size_m)};
   setup.voxel_m = f(voxel_size_m);
-  setup.voxels_per_m = f(1 / voxel_size_m);
+  setup.voxels_per_m = voxel_size_m > 0 ? f(1 / voxel_size_m) : 0.0F;
   setup.squared_max_distance_m2 = f(options.max_distance_m * options.max_distance_m);
   setup.robust = {f(options.robust_width * options.robust_width)};
   setup.voxels_around = options.neighbour_voxels;

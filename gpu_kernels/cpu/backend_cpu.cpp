@@ -6,6 +6,7 @@
 #include <utility>
 #include <vector>
 
+#include "api/nearest_storage.hpp"
 #include "api/voxel_table.hpp"
 #include "core/backend.hpp"
 #include "core/neighbour_grid.hpp"
@@ -29,6 +30,9 @@ constexpr std::size_t kPiece = 4096;
 /** Cells of a piece: a few hundred points. */
 constexpr std::size_t kCellPiece = 64;
 
+/** Points of a piece where each searches a tree. */
+constexpr std::size_t kNearestPiece = 256;
+
 /** Cells of a piece where only their runs are looked for. */
 constexpr std::size_t kRunPiece = 512;
 
@@ -44,19 +48,33 @@ struct PassBuffers {
 class CpuPasses : public PassRunner {
  public:
   CpuPasses(const Loops& loops, Workers& workers, PassBuffers& buffers, const PointsView& source,
-            const CovariancesView& covariances, const VoxelTable& table, const MatchOptions& options)
-      : x_loops(loops), x_workers(workers), x_buffers(buffers), x_table(table), x_options(options) {
+            const CovariancesView& covariances, const VoxelMapView& map, double voxel_size_m,
+            const MatchOptions& options)
+      : x_loops(loops),
+        x_workers(workers),
+        x_buffers(buffers),
+        x_voxel_size_m(voxel_size_m),
+        x_options(options) {
     const std::size_t pairs = source.size * static_cast<std::size_t>(options.neighbour_voxels);
     buffers.fresh.resize(pairs);
     buffers.frozen.resize(pairs);
     buffers.of_block.resize((source.size + kPassBlock - 1) / kPassBlock);
     x_job.points = source;
     x_job.covariances = covariances;
-    x_job.map = table.view();
+    x_job.map = map;
+  }
+
+  /** With the nearest of the target's points as pairs. */
+  CpuPasses(const Loops& loops, Workers& workers, PassBuffers& buffers, const PointsView& source,
+            const CovariancesView& covariances, const NearestTarget::Storage& target, MatchOptions options)
+      : CpuPasses(loops, workers, buffers, source, covariances, {nullptr, target.records().data(), 0}, 0,
+                  (options.neighbour_voxels = 1, options)) {
+    x_tree = target.tree();
+    x_job.tree = &x_tree;
   }
 
   Pass run(const Transform& T_map_source) override {
-    x_job.setup = passSetup(T_map_source, x_table.voxelSize(), x_options);
+    x_job.setup = passSetup(T_map_source, x_voxel_size_m, x_options);
     x_job.fresh = x_buffers.fresh.data();
     x_workers.forPieces(x_job.points.size, kPassBlock, [&](std::size_t first, std::size_t last, int) {
       x_loops.pass(x_job, first, last, x_buffers.of_block[first / kPassBlock].data());
@@ -76,8 +94,9 @@ class CpuPasses : public PassRunner {
   const Loops& x_loops;
   Workers& x_workers;
   PassBuffers& x_buffers;
-  const VoxelTable& x_table;
+  double x_voxel_size_m;
   MatchOptions x_options;
+  KdTreeView x_tree{};
   PassJob x_job{};
 };
 
@@ -118,6 +137,14 @@ class CpuBackend : public BackendBase {
     Covariances out;
     resize(out, points.size);
     if (points.size == 0) return out;
+    if (options.neighbourhood == Neighbourhood::nearest) {
+      x_tree.build(points);
+      const NearestCovarianceJob job{points, x_tree.view(), options, outOf(out)};
+      x_workers.forPieces(points.size, kNearestPiece, [&](std::size_t first, std::size_t last, int) {
+        x_loops.nearestCovariances(job, first, last);
+      });
+      return out;
+    }
     const NeighbourGrid grid = NeighbourGrid::over(points, options.radius_m);
     sortBy(grid.layout.bits, points.size, points.size,
            [&](std::size_t i) { return grid.layout.key(grid.cell(points.x[i], points.y[i], points.z[i])); });
@@ -148,7 +175,14 @@ class CpuBackend : public BackendBase {
   std::unique_ptr<PassRunner> passes(const PointsView& source, const CovariancesView& covariances,
                                      const VoxelTable& table, const MapMirror*,
                                      const MatchOptions& options) override {
-    return std::make_unique<CpuPasses>(x_loops, x_workers, x_pass_buffers, source, covariances, table,
+    return std::make_unique<CpuPasses>(x_loops, x_workers, x_pass_buffers, source, covariances, table.view(),
+                                       table.voxelSize(), options);
+  }
+
+  std::unique_ptr<PassRunner> nearestPasses(const PointsView& source, const CovariancesView& covariances,
+                                            const NearestTarget::Storage& target,
+                                            const MatchOptions& options) override {
+    return std::make_unique<CpuPasses>(x_loops, x_workers, x_pass_buffers, source, covariances, target,
                                        options);
   }
 
@@ -282,6 +316,7 @@ class CpuBackend : public BackendBase {
   std::vector<std::uint64_t> x_keys;
   std::array<std::vector<float>, 3> x_sorted;
   std::vector<Run> x_runs;
+  KdTree x_tree;
   std::vector<float> x_scratch;
 };
 

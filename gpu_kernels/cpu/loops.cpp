@@ -4,6 +4,7 @@
 #include "cpu/loops.hpp"
 
 #include "core/weight.hpp"
+#include "cpu/kd_search.hpp"
 #include "cpu/lanes.hpp"
 
 namespace raceloc::gpu::GK_ISA {
@@ -26,11 +27,18 @@ constexpr int kMomentRows = 11;
 /** Moments of up to `kBatch` points, each row one sum; finished together, a point a lane. */
 class MomentBatch {
  public:
-  explicit MomentBatch(const CovarianceJob& job) : x_job(job), x_setup(CovarianceSetup::of(job.options)) {}
+  MomentBatch(const CovarianceOptions& options, const CovariancesOut& out)
+      : x_out(out), x_setup(CovarianceSetup::of(options)) {}
 
   /** Takes a point's moments, still in lanes: 11 rows of 16. */
   void take(const float (&rows)[kMomentRows][kLanes], std::uint32_t to) {
-    for (int r = 0; r < kMomentRows; ++r) x_rows[r][x_filled] = sumOfLanes(rows[r]);
+    float sums[kMomentRows];
+    for (int r = 0; r < kMomentRows; ++r) sums[r] = sumOfLanes(rows[r]);
+    take(sums, to);
+  }
+
+  void take(const float (&sums)[kMomentRows], std::uint32_t to) {
+    for (int r = 0; r < kMomentRows; ++r) x_rows[r][x_filled] = sums[r];
     x_to[x_filled++] = to;
     if (x_filled == kBatch) finish();
   }
@@ -48,19 +56,18 @@ class MomentBatch {
       store(&C[0][i], c.xx), store(&C[1][i], c.xy), store(&C[2][i], c.xz);
       store(&C[3][i], c.yy), store(&C[4][i], c.yz), store(&C[5][i], c.zz);
     }
-    const CovariancesOut& out = x_job.out;
     for (int i = 0; i < filled; ++i) {
       const std::uint32_t to = x_to[i];
-      out.xx[to] = C[0][i], out.xy[to] = C[1][i], out.xz[to] = C[2][i];
-      out.yy[to] = C[3][i], out.yz[to] = C[4][i], out.zz[to] = C[5][i];
-      out.neighbours[to] = static_cast<std::int32_t>(x_rows[10][i]);
+      x_out.xx[to] = C[0][i], x_out.xy[to] = C[1][i], x_out.xz[to] = C[2][i];
+      x_out.yy[to] = C[3][i], x_out.yz[to] = C[4][i], x_out.zz[to] = C[5][i];
+      x_out.neighbours[to] = static_cast<std::int32_t>(x_rows[10][i]);
     }
     x_filled = 0;
   }
 
  private:
   static constexpr int kBatch = 64;
-  const CovarianceJob& x_job;
+  const CovariancesOut& x_out;
   CovarianceSetup x_setup;
   alignas(64) float x_rows[kMomentRows][kBatch];
   std::uint32_t x_to[kBatch];
@@ -79,7 +86,7 @@ RACELOC_HD void covariancesWith(const CovarianceJob& job, std::uint32_t first, s
   constexpr float nowhere_m = 1e9F;  // far outside any radius, and its square is finite
   float *y = x + stride, *z = y + stride;
   const F squared_radius_m2(job.options.radius_m * job.options.radius_m);
-  MomentBatch batch(job);
+  MomentBatch batch(job.options, job.out);
   for (std::uint32_t cell = first; cell < last; ++cell) {
     std::uint32_t count = 0;
     for (int row = 0; row < kRowsAround; ++row) {
@@ -119,6 +126,27 @@ void covariances(const CovarianceJob& job, std::uint32_t first, std::uint32_t la
   withWeight<F>(job.options, [&](const auto& weightOf) {
     covariancesWith(job, first, last, scratch, scratch_stride, weightOf);
   });
+}
+
+void nearestCovariances(const NearestCovarianceJob& job, std::size_t first, std::size_t last) {
+  MomentBatch batch(job.options, job.out);
+  const PointsView& p = job.points;
+  for (std::size_t i = first; i < last; ++i) {
+    const Vec3<float> q{p.x[i], p.y[i], p.z[i]};
+    Neighbour found[kMostNearest];
+    nearestOf(job.tree, q, job.options.nearest, found);
+    Moments<float> m;
+    for (int k = 0; k < job.options.nearest; ++k) {
+      const std::int32_t j = found[k].index;
+      if (j == INT32_MAX) break;
+      const auto unit = [](float, float) { return 1.0F; };
+      m.add({p.x[j] - q.x, p.y[j] - q.y, p.z[j] - q.z}, 1e30F, unit);
+    }
+    batch.take({m.weight, m.first.x, m.first.y, m.first.z, m.second.xx, m.second.xy, m.second.xz, m.second.yy,
+                m.second.yz, m.second.zz, m.neighbours},
+               static_cast<std::uint32_t>(i));
+  }
+  batch.finish();
 }
 
 /** Voxel Gaussians of 16 points in lanes. */
@@ -203,7 +231,11 @@ class PassGroup {
     M inlier[kParts];
     for (M& m : inlier) m.v = Ints{};
     for (std::int32_t k = 0; k < x_setup.setup.voxels_around; ++k) {
-      lookUp(k);
+      if (x_job.tree == nullptr) {
+        lookUp(k);
+      } else {
+        findNearest();
+      }
       std::int32_t* fresh = x_job.fresh + static_cast<std::size_t>(k) * x_job.points.size + first;
       M found[kParts];
       F squared[kParts];
@@ -258,7 +290,7 @@ class PassGroup {
           (absolute(q.x) < F(limit)) & (absolute(q.y) < F(limit)) & (absolute(q.z) < F(limit));  // not NaN
       const Vec3<F> safe = select(somewhere, q, Vec3<F>{F(0), F(0), F(0)});
       storeInts(&x_cell[0][at],
-                somewhere.v ? floorToInts(safe.x) + x_setup.setup.anchor.x : Ints{} - 4 * kCellLimit);
+                somewhere.v ? floorToInts(safe.x) + x_setup.setup.anchor.x : Ints{} + kNowhere);
       storeInts(&x_cell[1][at], floorToInts(safe.y) + x_setup.setup.anchor.y);
       storeInts(&x_cell[2][at], floorToInts(safe.z) + x_setup.setup.anchor.z);
       const F zero(0);
@@ -285,6 +317,31 @@ class PassGroup {
     x_gaussians.gather(x_job.map);
   }
 
+  /** From the pair that was frozen, which is mostly the nearest again: its distance bounds the search. */
+  void findNearest() {
+    for (int at = 0; at < kLanes; at += kWidth) {
+      const Vec3<F> p{load(&x_source[0][at]), load(&x_source[1][at]), load(&x_source[2][at])};
+      const Vec3<F> q = x_setup.R * p + x_setup.t_m;
+      store(&x_moved[0][at], q.x), store(&x_moved[1][at], q.y), store(&x_moved[2][at], q.z);
+    }
+    for (int lane = 0; lane < kLanes; ++lane) {
+      x_gaussians.record[lane] = -1;
+      if (lane >= x_count || x_cell[0][lane] == kNowhere) continue;
+      const Vec3<float> q{x_moved[0][lane], x_moved[1][lane], x_moved[2][lane]};
+      Neighbour best{x_setup.setup.squared_max_distance_m2, INT32_MAX};
+      const std::int32_t before =
+          x_job.frozen != nullptr ? x_job.frozen[x_first + static_cast<std::size_t>(lane)] : -1;
+      if (before >= 0) {
+        const Vec3<float> d = x_job.map.records[before].offset_m - q;
+        const Neighbour again{dot(d, d), before};
+        if (nearer(again, best)) best = again;
+      }
+      best = nearest(*x_job.tree, q, best);
+      if (best.index != INT32_MAX) x_gaussians.record[lane] = best.index;
+    }
+    x_gaussians.gather(x_job.map);
+  }
+
   void addFrozen(const std::int32_t* frozen, const std::int32_t* taken, const F* squared) {
     bool same = true;
     for (int lane = 0; lane < x_count; ++lane) same &= frozen[lane] == taken[lane];
@@ -300,12 +357,14 @@ class PassGroup {
     }
   }
 
+  static constexpr std::int32_t kNowhere = -4 * kCellLimit;  ///< outside any map
   const PassJob& x_job;
   const Setup& x_setup;
   F (*x_sums)[kSums];
   std::size_t x_first = 0;
   int x_count = 0;
   alignas(64) float x_source[9][kLanes];
+  alignas(64) float x_moved[3][kLanes];
   alignas(64) std::int32_t x_cell[3][kLanes];
   Gaussians x_gaussians;
 };
@@ -380,6 +439,6 @@ void voxels(const VoxelJob& job, std::size_t first, std::size_t last, Box& box) 
 }  // namespace
 
 extern const Loops loops;
-const Loops loops{GK_ISA_NAME, covariances, pass, voxels};
+const Loops loops{GK_ISA_NAME, covariances, nearestCovariances, pass, voxels};
 
 }  // namespace raceloc::gpu::GK_ISA

@@ -8,6 +8,7 @@
 
 #include "core/factor.hpp"
 #include "core/neighbour_grid.hpp"
+#include "cpu/kd_tree.hpp"
 #include "raceloc/gpu/covariance.h"
 #include "raceloc/gpu/types.h"
 
@@ -27,11 +28,21 @@ struct CovarianceJob {
   CovariancesOut out;
 };
 
+/** Covariances of k nearest neighbours, all of weight 1. */
+struct NearestCovarianceJob {
+  PointsView points;
+  KdTreeView tree;  ///< over the same points
+  CovarianceOptions options;
+  CovariancesOut out;
+};
+
 /** A pass over source points. */
 struct PassJob {
   PointsView points;
   CovariancesView covariances;
   VoxelMapView map;
+  const KdTreeView* tree;  ///< null: a point's pairs are voxels; else the nearest of the map's records, which
+                           ///< are those of the tree's points
   PassSetup setup;
   const std::int32_t* frozen;  ///< may be null
   std::int32_t* fresh;         ///< pair k of point i at k * points.size + i
@@ -61,6 +72,8 @@ struct Loops {
    */
   void (*covariances)(const CovarianceJob&, std::uint32_t first, std::uint32_t last, float* scratch,
                       std::size_t scratch_stride);
+  /** Points [first, last). */
+  void (*nearestCovariances)(const NearestCovarianceJob&, std::size_t first, std::size_t last);
   /** The sums of points [first, last), at most kPassBlock, first a multiple of it. */
   void (*pass)(const PassJob&, std::size_t first, std::size_t last, double* sums);
   void (*voxels)(const VoxelJob&, std::size_t first, std::size_t last, Box& box);

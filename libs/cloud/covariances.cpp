@@ -36,7 +36,7 @@ void CovarianceOptions::describe(OptionList& keys) {
        {"min_eig", gpu::Regularisation::min_eig},
        {"none", gpu::Regularisation::none}},
       "plane: eigenvalues plane_epsilon, 1, 1 as in GICP; min_eig: at least plane_epsilon times the largest");
-  keys.add("radius_m", radius_m, above(0), "neighbours are within this distance [m]");
+  keys.add("radius_m", radius_m, above(0), "neighbours are within this distance, two voxels of the thinned scan or a little more [m]");
   keys.add("rbf_gamma_per_m2", rbf_gamma_per_m2, above(0), "rbf: exp(-gamma d^2) [1/m^2]");
   keys.add("gaussian_sigma_m", gaussian_sigma_m, above(0), "gaussian: exp(-d^2 / (2 sigma^2)) [m]");
   keys.add("laplacian_sigma_m", laplacian_sigma_m, above(0), "laplacian: exp(-d / sigma) [m]");

@@ -24,16 +24,16 @@ struct CovarianceCloud {
 struct CovarianceOptions {
   gpu::Weight kernel = gpu::Weight::laplacian;
   gpu::Regularisation regularisation = gpu::Regularisation::plane;
-  double radius_m = 1.5;
+  double radius_m = 1.0;
   double rbf_gamma_per_m2 = 1.0;
-  double gaussian_sigma_m = 0.75;
-  double laplacian_sigma_m = 0.75;
+  double gaussian_sigma_m = 0.5;
+  double laplacian_sigma_m = 0.5;
   double polynomial_alpha_per_m2 = 1.0;
   double polynomial_c = 1.0;
   int polynomial_degree = 2;
-  double hist_s_m = 1.5;
+  double hist_s_m = 1.0;
   double plane_epsilon = 1e-3;
-  int min_neighbours = 5;
+  int min_neighbours = 8;
   void describe(OptionList& keys);
   [[nodiscard]] gpu::CovarianceOptions forKernels() const;
 };

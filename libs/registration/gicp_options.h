@@ -9,11 +9,11 @@ namespace raceloc {
 /** Section [registration]. */
 struct GicpOptions {
   double voxel_size_m = 1.0;
-  int max_iterations = 30;
+  int max_iterations = 60;
   double translation_epsilon_m = 1e-3;
   double rotation_epsilon_deg = 0.02;
   int neighbour_voxels = 1;
-  double robust_width = 1.0;
+  double robust_width = 3.0;
   double max_distance_m = 2.0;
   double min_inlier_share = 0.4;
   double max_residual_m = 0.5;

@@ -17,7 +17,15 @@ enum class Weight { rbf, gaussian, polynomial, hist, laplacian };
  * GICP does, `min_eig` raises them to plane_epsilon times the largest, `none` leaves them. */
 enum class Regularisation { plane, min_eig, none };
 
+/** Which points are neighbours: all within a radius, weighted; or the k nearest, all of weight 1 (plain GICP, for
+ * comparison: on the CPU, whatever the context). */
+enum class Neighbourhood { radius, nearest };
+
+inline constexpr int kMostNearest = 64;
+
 struct CovarianceOptions {
+  Neighbourhood neighbourhood = Neighbourhood::radius;
+  int nearest = 10;  ///< neighbours of `nearest`, the point itself included, in [4, kMostNearest]
   Weight weight = Weight::laplacian;
   Regularisation regularisation = Regularisation::plane;
   float radius_m = 1.0F;                 ///< neighbours are within this distance, > 0
@@ -29,8 +37,9 @@ struct CovarianceOptions {
   int polynomial_degree = 2;             ///< >= 1
   float hist_s_m = 1.0F;                 ///< > 0; the radius is a good choice
   float plane_epsilon = 1e-3F;           ///< in (0, 1]
-  int min_neighbours =
-      5;  ///< with fewer the covariance is isotropic, of variance radius^2 [m^2], and says so by `neighbours`
+  /** With fewer the covariance is isotropic and says so by `neighbours`: of variance radius^2 [m^2], for `plane`
+   * of 4 among its 1s. */
+  int min_neighbours = 5;
 };
 
 /** For every point i over its neighbours j within the radius: mu = sum w p / sum w, C = sum w (p-mu)(p-mu)' /

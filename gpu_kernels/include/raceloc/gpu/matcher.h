@@ -1,11 +1,12 @@
 /** \file
- * VGICP: distribution to distribution against a voxel map. Source: Segal et al., RSS 2009 (cost);
+ * GICP and VGICP: distribution to distribution, against the nearest point or a voxel map. Source: Segal et al., RSS 2009 (cost);
  * Koide et al., ICRA 2021 (voxels); Sola et al., arXiv:1812.01537, Eq. (25) (right increments). */
 #pragma once
 
 #include <array>
 
 #include "raceloc/gpu/context.h"
+#include "raceloc/gpu/nearest_target.h"
 #include "raceloc/gpu/types.h"
 #include "raceloc/gpu/voxel_map.h"
 
@@ -46,11 +47,20 @@ struct Match {
                                       const CovariancesView& covariances, const VoxelMap& map,
                                       const Transform& T_map_source, const MatchOptions& options);
 
+/** The GICP pass: a point's pair is the nearest of the target within max_distance_m; neighbour_voxels has no say. */
+[[nodiscard]] Linearization linearize(Context& context, const PointsView& source,
+                                      const CovariancesView& covariances, const NearestTarget& target,
+                                      const Transform& T_target_source, const MatchOptions& options);
+
 /** Gauss-Newton from a guess, steps damped (Levenberg-Marquardt) when the cost over the same pairs would
  * grow. Fewer than 10 source points or fewer than 10 inliers give Stop::too_few_inliers and the guess.
  * \throws as linearize(), or for an option out of range. */
 [[nodiscard]] Match match(Context& context, const PointsView& source, const CovariancesView& covariances,
                           const VoxelMap& map, const Transform& T_map_source_guess,
+                          const MatchOptions& options);
+
+[[nodiscard]] Match match(Context& context, const PointsView& source, const CovariancesView& covariances,
+                          const NearestTarget& target, const Transform& T_target_source_guess,
                           const MatchOptions& options);
 
 }  // namespace raceloc::gpu
