@@ -26,14 +26,13 @@ enum class Step { grid, covariances, map, vgicp, gicp, raw_to_pose };
 struct StepRow {
   Step step;
   std::string text;
-  bool ours;  ///< whether we have it
 };
-const std::array<StepRow, 6> kSteps{{{Step::grid, "voxel downsampling 0.25 m of the raw scan", true},
-                                     {Step::covariances, "neighbours + covariances, per point", true},
-                                     {Step::map, "voxel map 1 m", true},
-                                     {Step::vgicp, "VGICP align", true},
-                                     {Step::gicp, "GICP align", false},
-                                     {Step::raw_to_pose, "raw pair to pose, VGICP", true}}};
+const std::array<StepRow, 6> kSteps{{{Step::grid, "voxel downsampling 0.25 m of the raw scan"},
+                                     {Step::covariances, "neighbours + covariances, per point"},
+                                     {Step::map, "voxel map 1 m"},
+                                     {Step::vgicp, "VGICP align"},
+                                     {Step::gicp, "GICP align"},
+                                     {Step::raw_to_pose, "raw pair to pose, VGICP"}}};
 
 /** A pair and what each step starts from. */
 struct OurPair {
@@ -43,12 +42,14 @@ struct OurPair {
         C_source(gpu::covariances(context, source.view(), covariance_options)),
         C_target(gpu::covariances(context, target.view(), covariance_options)),
         map(context, kVoxel_m),
+        points(target.view(), C_target.view()),
         covariance(covariance_options) {
     map.insert(target.view(), C_target.view(), {});
   }
   gpu::Points source, target;
   gpu::Covariances C_source, C_target;
   gpu::VoxelMap map;
+  gpu::NearestTarget points;
   gpu::CovarianceOptions covariance;
 };
 
@@ -73,9 +74,9 @@ struct Outcome {
 };
 
 Outcome runOurs(gpu::Context& context, Step step, const RealPair& pair, const OurPair& ours) {
-  const auto matched = [&](const gpu::Points& source, const gpu::Covariances& C, const gpu::VoxelMap& map) {
-    const auto match =
-        gpu::match(context, source.view(), C.view(), map, toTransform(pair.guess), gicpAsPeer().forKernels());
+  const auto matched = [&](const gpu::Points& source, const gpu::Covariances& C, const auto& target) {
+    const auto match = gpu::match(context, source.view(), C.view(), target, toTransform(pair.guess),
+                                  gicpAsPeer().forKernels());
     return Outcome{toPose(match.T_map_source), match.iterations};
   };
   switch (step) {
@@ -91,7 +92,7 @@ Outcome runOurs(gpu::Context& context, Step step, const RealPair& pair, const Ou
     case Step::vgicp:
       return matched(ours.source, ours.C_source, ours.map);
     case Step::gicp:
-      break;
+      return matched(ours.source, ours.C_source, ours.points);
     case Step::raw_to_pose: {
       const auto source = gpu::voxelGrid(context, viewOf(pair.source), kLeaf_m);
       const auto target = gpu::voxelGrid(context, viewOf(pair.target), kLeaf_m);
@@ -185,10 +186,10 @@ void printRows(const std::string& data, const std::vector<RealPair>& pairs) {
       const std::size_t i = round % pairs.size();
       if constexpr (kPeerInstalled)
         peer.add(pairs[i], units(i), [&] { return runPeer(row.step, pairs[i], peers[i]); });
-      if (row.ours) runWith(one, i, serial);
+      runWith(one, i, serial);
     }
     // Apart from the rounds above: idle workers spin for a while, and the process pays for it.
-    for (std::size_t round = 0; row.ours && round < kRounds; ++round) {
+    for (std::size_t round = 0; round < kRounds; ++round) {
       const std::size_t i = round % pairs.size();
       runWith(one, i, alone);
       runWith(two, i, threaded);
@@ -203,11 +204,10 @@ void printRows(const std::string& data, const std::vector<RealPair>& pairs) {
     const std::string unit = per_point ? " us" : " ms";
     std::cout << "| " << data << " | " << row.text << " | "
               << (kPeerInstalled ? number(median(peer.cpu_ms), 3) + unit : "not installed") << " | "
-              << (row.ours ? number(median(serial.cpu_ms), 3) + unit : "-") << " | "
-              << (row.ours && kPeerInstalled ? number(median(serial.cpu_ms) / median(peer.cpu_ms), 3) : "-")
-              << " | " << (row.ours ? number(median(alone.wall_ms) / median(threaded.wall_ms), 2) : "-")
-              << " | " << (kPeerInstalled ? result(peer) : "") << " | " << (row.ours ? result(serial) : "")
-              << " |\n"
+              << number(median(serial.cpu_ms), 3) << unit << " | "
+              << (kPeerInstalled ? number(median(serial.cpu_ms) / median(peer.cpu_ms), 3) : "-") << " | "
+              << number(median(alone.wall_ms) / median(threaded.wall_ms), 2) << " | "
+              << (kPeerInstalled ? result(peer) : "") << " | " << result(serial) << " |\n"
               << std::flush;
   }
   std::cout << "| " << data << " | neighbours of the median point, ours within " << number(radius_m, 2)
