@@ -46,16 +46,6 @@ RACELOC_HD void visitLeaves(const KdTreeView& tree, const Vec3<float>& q, const 
   }
 }
 
-/** Squared distances of a leaf's points. */
-RACELOC_HD void leafDistances(const KdTreeView& tree, const Vec3<float>& q, std::int32_t leaf,
-                              float* squared_m2) {
-  for (int at = 0; at < kLanes; at += kWidth) {
-    const Vec3<F> d = Vec3<F>{load(tree.x + leaf + at), load(tree.y + leaf + at), load(tree.z + leaf + at)} -
-                      Vec3<F>{F(q.x), F(q.y), F(q.z)};
-    store(squared_m2 + at, dot(d, d));
-  }
-}
-
 struct Neighbour {
   float squared_m2;
   std::int32_t index;
@@ -65,25 +55,34 @@ RACELOC_HD bool nearer(const Neighbour& a, const Neighbour& b) {
   return a.squared_m2 != b.squared_m2 ? a.squared_m2 < b.squared_m2 : a.index < b.index;
 }
 
+/** Calls `take` with the points of a leaf that are not farther than `reach`, in the order of their places. */
+template <class Take>
+RACELOC_HD void takeNear(const KdTreeView& tree, const Vec3<float>& q, std::int32_t leaf, float reach_m2,
+                         const Take& take) {
+  for (int at = 0; at < kLanes; at += kWidth) {
+    const std::int32_t place = leaf + at;
+    const Vec3<F> d = Vec3<F>{load(tree.x + place), load(tree.y + place), load(tree.z + place)} -
+                      Vec3<F>{F(q.x), F(q.y), F(q.z)};
+    const F squared = dot(d, d);
+    unsigned near = lanesOf(squared <= F(reach_m2));
+    if (near == 0) continue;
+    alignas(64) float squared_m2[kWidth];
+    store(squared_m2, squared);
+    for (; near != 0; near &= near - 1) {
+      const int lane = __builtin_ctz(near);
+      take(Neighbour{squared_m2[lane], tree.index[place + lane]});
+    }
+  }
+}
+
 /** The nearest point that is nearer than `best` (of two equally near the one of smaller index), else `best`. */
 RACELOC_HD Neighbour nearest(const KdTreeView& tree, const Vec3<float>& q, Neighbour best) {
   visitLeaves(
       tree, q, [&] { return best.squared_m2; },
       [&](std::int32_t leaf) {
-        alignas(64) float squared_m2[kLanes];
-        leafDistances(tree, q, leaf, squared_m2);
-        F low = load(squared_m2);
-        for (int at = kWidth; at < kLanes; at += kWidth) {
-          const F other = load(squared_m2 + at);
-          low = select(other < low, other, low);
-        }
-        float smallest = low.v[0];
-        for (int k = 1; k < kWidth; ++k) smallest = low.v[k] < smallest ? low.v[k] : smallest;
-        if (smallest > best.squared_m2) return;
-        for (int lane = 0; lane < kLanes; ++lane) {
-          const Neighbour candidate{squared_m2[lane], tree.index[leaf + lane]};
+        takeNear(tree, q, leaf, best.squared_m2, [&](const Neighbour& candidate) {
           if (nearer(candidate, best)) best = candidate;
-        }
+        });
       });
   return best;
 }
@@ -95,15 +94,12 @@ RACELOC_HD void nearestOf(const KdTreeView& tree, const Vec3<float>& q, int coun
   visitLeaves(
       tree, q, [&] { return found[count - 1].squared_m2; },
       [&](std::int32_t leaf) {
-        alignas(64) float squared_m2[kLanes];
-        leafDistances(tree, q, leaf, squared_m2);
-        for (int lane = 0; lane < kLanes; ++lane) {
-          const Neighbour candidate{squared_m2[lane], tree.index[leaf + lane]};
-          if (!nearer(candidate, found[count - 1])) continue;
+        takeNear(tree, q, leaf, found[count - 1].squared_m2, [&](const Neighbour& candidate) {
+          if (!nearer(candidate, found[count - 1])) return;
           int place = count - 1;
           for (; place > 0 && nearer(candidate, found[place - 1]); --place) found[place] = found[place - 1];
           found[place] = candidate;
-        }
+        });
       });
 }
 

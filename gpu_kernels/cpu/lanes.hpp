@@ -79,6 +79,21 @@ RACELOC_HD F select(const M& condition, const F& yes, const F& no) {
   return wrapped(condition.v ? yes.v : no.v);
 }
 
+/** Bit k is lane k. */
+RACELOC_HD unsigned lanesOf(const M& m) {
+#if defined(__AVX512F__)
+  return _mm512_test_epi32_mask(reinterpret_cast<__m512i>(m.v), reinterpret_cast<__m512i>(m.v));
+#elif defined(__AVX2__)
+  return static_cast<unsigned>(_mm256_movemask_ps(reinterpret_cast<__m256>(m.v)));
+#elif defined(__SSE2__)
+  return static_cast<unsigned>(_mm_movemask_ps(reinterpret_cast<__m128>(m.v)));
+#else
+  unsigned lanes = 0;
+  for (int i = 0; i < kWidth; ++i) lanes |= (m.v[i] != 0 ? 1U : 0U) << i;
+  return lanes;
+#endif
+}
+
 RACELOC_HD F squareRoot(const F& x) {
 #if defined(__AVX512F__)
   return wrapped(_mm512_maskz_sqrt_ps(0xFFFF, x.v));  // without a mask, GCC 12 warns of its own header

@@ -317,27 +317,30 @@ class PassGroup {
     x_gaussians.gather(x_job.map);
   }
 
-  /** From the pair that was frozen, which is mostly the nearest again: its distance bounds the search. */
+  /** From the pair that was frozen, which is mostly the nearest again, and from the pair of the point before,
+   * which is mostly close: their distances bound the search. */
   void findNearest() {
     for (int at = 0; at < kLanes; at += kWidth) {
       const Vec3<F> p{load(&x_source[0][at]), load(&x_source[1][at]), load(&x_source[2][at])};
       const Vec3<F> q = x_setup.R * p + x_setup.t_m;
       store(&x_moved[0][at], q.x), store(&x_moved[1][at], q.y), store(&x_moved[2][at], q.z);
     }
+    std::int32_t last = -1;
     for (int lane = 0; lane < kLanes; ++lane) {
       x_gaussians.record[lane] = -1;
       if (lane >= x_count || x_cell[0][lane] == kNowhere) continue;
       const Vec3<float> q{x_moved[0][lane], x_moved[1][lane], x_moved[2][lane]};
       Neighbour best{x_setup.setup.squared_max_distance_m2, INT32_MAX};
-      const std::int32_t before =
-          x_job.frozen != nullptr ? x_job.frozen[x_first + static_cast<std::size_t>(lane)] : -1;
-      if (before >= 0) {
-        const Vec3<float> d = x_job.map.records[before].offset_m - q;
-        const Neighbour again{dot(d, d), before};
-        if (nearer(again, best)) best = again;
-      }
+      const auto consider = [&](std::int32_t record) {
+        if (record < 0) return;
+        const Vec3<float> d = x_job.map.records[record].offset_m - q;
+        const Neighbour candidate{dot(d, d), record};
+        if (nearer(candidate, best)) best = candidate;
+      };
+      if (x_job.frozen != nullptr) consider(x_job.frozen[x_first + static_cast<std::size_t>(lane)]);
+      consider(last);
       best = nearest(*x_job.tree, q, best);
-      if (best.index != INT32_MAX) x_gaussians.record[lane] = best.index;
+      if (best.index != INT32_MAX) x_gaussians.record[lane] = last = best.index;
     }
     x_gaussians.gather(x_job.map);
   }
