@@ -38,19 +38,21 @@ RACELOC_HD std::uint64_t voxelKey(const KeyLayout& layout, double voxel_size_m, 
   return cellOf(x, y, z, voxel_size_m, c) ? layout.key(c) : std::uint64_t{1} << layout.bits;
 }
 
-/** Centroid of the points order[first .. last): sums in double and in that order, the same bits on every
- * device. */
-RACELOC_HD Vec3<float> centroid(const PointsView& p, const std::uint32_t* order, std::size_t first,
-                                std::size_t last) {
+/** Sums of a voxel's points in double and in the order of the cloud: the same bits on every device. */
+struct CentroidSum {
   double x = 0, y = 0, z = 0;
-  for (std::size_t k = first; k < last; ++k) {
-    const std::uint32_t i = order[k];
+  std::size_t points = 0;
+
+  RACELOC_HD void add(const PointsView& p, std::size_t i) {
     x += static_cast<double>(p.x[i]);
     y += static_cast<double>(p.y[i]);
     z += static_cast<double>(p.z[i]);
+    ++points;
   }
-  const auto n = static_cast<double>(last - first);
-  return {static_cast<float>(x / n), static_cast<float>(y / n), static_cast<float>(z / n)};
-}
+  [[nodiscard]] RACELOC_HD Vec3<float> centroid() const {
+    const auto n = static_cast<double>(points);
+    return {static_cast<float>(x / n), static_cast<float>(y / n), static_cast<float>(z / n)};
+  }
+};
 
 }  // namespace raceloc::gpu

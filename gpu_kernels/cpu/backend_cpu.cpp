@@ -117,8 +117,10 @@ class CpuBackend : public BackendBase {
     Points out;
     if (box.kept == 0) return out;
     const KeyLayout layout = KeyLayout::of(box.low, box.high);
-    // One bit more: points without a voxel come last.
-    sortBy(layout.bits + 1, points.size, box.kept, [&](std::size_t i) {
+    const std::size_t kept = listStretches(points.size);
+    // One bit more: what has no voxel comes last.
+    sortBy(layout.bits + 1, x_stretches.size() - 1, kept, [&](std::size_t s) {
+      const std::uint32_t i = x_stretches[s];
       return x_voxels[0][i] == kNoCell ? std::uint64_t{1} << layout.bits
                                        : layout.key({x_voxels[0][i], x_voxels[1][i], x_voxels[2][i]});
     });
@@ -126,7 +128,11 @@ class CpuBackend : public BackendBase {
     for (auto* v : {&out.x, &out.y, &out.z}) v->resize(voxels);
     x_workers.forPieces(voxels, kPiece, [&](std::size_t begin, std::size_t end, int) {
       for (std::size_t k = begin; k < end; ++k) {
-        const Vec3<float> mean = centroid(points, x_order.data(), x_first[k], x_first[k + 1]);
+        CentroidSum sum;
+        for (std::uint32_t s = x_first[k]; s < x_first[k + 1]; ++s)
+          for (std::uint32_t i = x_stretches[x_order[s]]; i < x_stretches[x_order[s] + 1]; ++i)
+            sum.add(points, i);
+        const Vec3<float> mean = sum.centroid();
         out.x[k] = mean.x, out.y[k] = mean.y, out.z[k] = mean.z;
       }
     });
@@ -210,6 +216,41 @@ class CpuBackend : public BackendBase {
     return all;
   }
 
+  /** Points that follow each other in a scan are often of one voxel: x_stretches is where each stretch of such
+   * points begins (and ends with n), which is less to sort. \return the stretches that have a voxel */
+  std::size_t listStretches(std::size_t n) {
+    const std::int32_t *x = x_voxels[0].data(), *y = x_voxels[1].data(), *z = x_voxels[2].data();
+    const auto isHead = [=](std::size_t i) -> std::uint32_t {
+      return (x[i] != x[i - 1]) | (y[i] != y[i - 1]) | (z[i] != z[i - 1]);
+    };
+    const std::size_t pieces = (n + kPiece - 1) / kPiece;
+    x_heads.assign(pieces + 1, 0);
+    x_of_piece.assign(pieces, 0);
+    x_workers.forPieces(n, kPiece, [&](std::size_t first, std::size_t last, int) {
+      std::uint32_t heads = 1, with_voxel = x[first] != kNoCell ? 1 : 0;  // a piece begins a stretch
+      for (std::size_t i = first + 1; i < last; ++i) {
+        const std::uint32_t head = isHead(i);
+        heads += head;
+        with_voxel += x[i] != kNoCell ? head : 0;
+      }
+      x_heads[first / kPiece + 1] = heads;
+      x_of_piece[first / kPiece] = with_voxel;
+    });
+    std::partial_sum(x_heads.begin(), x_heads.end(), x_heads.begin());
+    x_stretches.resize(x_heads.back() + 1);
+    x_stretches.back() = static_cast<std::uint32_t>(n);
+    x_workers.forPieces(n, kPiece, [&](std::size_t first, std::size_t last, int) {
+      // Backwards and without a branch: a stretch's place is written by all its points, by its first one last.
+      std::uint32_t* to = &x_stretches[x_heads[first / kPiece + 1] - 1];
+      for (std::size_t i = last; --i > first;) {
+        *to = static_cast<std::uint32_t>(i);
+        to -= isHead(i);
+      }
+      *to = static_cast<std::uint32_t>(first);
+    });
+    return std::accumulate(x_of_piece.begin(), x_of_piece.end(), std::size_t{0});
+  }
+
   /** Sorts n indices by key, of which the first `kept` count: x_order, and where each run of equal keys begins
    * (x_first, ending with `kept`) with its key (x_keys). */
   template <class KeyOf>
@@ -246,12 +287,14 @@ class CpuBackend : public BackendBase {
     x_first.resize(x_heads.back() + 1);
     x_first.back() = static_cast<std::uint32_t>(kept);
     x_workers.forPieces(kept, kPiece, [&](std::size_t first, std::size_t last, int) {
-      std::uint32_t run = x_heads[first / kPiece];
-      for (std::size_t k = first; k < last; ++k) {
-        x_order[k] = items[k].index;
-        if (!isHead(k)) continue;
-        x_first[run] = static_cast<std::uint32_t>(k);
-        x_keys[run++] = items[k].key;
+      for (std::size_t k = first; k < last; ++k) x_order[k] = items[k].index;
+      std::size_t head = first;  // the run before it is another piece's
+      while (head < last && !isHead(head)) ++head;
+      std::size_t run = x_heads[first / kPiece + 1];
+      for (std::size_t k = last; k-- > head;) {  // backwards, as the stretches
+        x_first[run - 1] = static_cast<std::uint32_t>(k);
+        x_keys[run - 1] = items[k].key;
+        run -= isHead(k) ? 1 : 0;
       }
     });
   }
@@ -262,11 +305,11 @@ class CpuBackend : public BackendBase {
     x_keys.insert(x_keys.begin(), kCellsOfRow, kNoKey);
     x_keys.push_back(kNoKey);
     x_runs.resize(cells * kRowsAround);
-    x_candidates.assign((cells + kRunPiece - 1) / kRunPiece, 0);
+    x_of_piece.assign((cells + kRunPiece - 1) / kRunPiece, 0);
     x_workers.forPieces(cells, kRunPiece, [&](std::size_t first, std::size_t last, int) {
-      x_candidates[first / kRunPiece] = findRuns(grid, first, last);
+      x_of_piece[first / kRunPiece] = findRuns(grid, first, last);
     });
-    return *std::max_element(x_candidates.begin(), x_candidates.end());
+    return *std::max_element(x_of_piece.begin(), x_of_piece.end());
   }
 
   /** Of cells [first, last). From cell to cell the rows only move forward. x_keys begins with kCellsOfRow keys of
@@ -311,8 +354,8 @@ class CpuBackend : public BackendBase {
   std::vector<Box> x_boxes;
   std::array<std::vector<NarrowItem>, 2> x_narrow;
   std::array<std::vector<WideItem>, 2> x_wide;
-  std::vector<std::uint32_t> x_order, x_first, x_places, x_heads;
-  std::vector<std::size_t> x_candidates;
+  std::vector<std::uint32_t> x_order, x_first, x_places, x_heads, x_stretches;
+  std::vector<std::size_t> x_of_piece;
   std::vector<std::uint64_t> x_keys;
   std::array<std::vector<float>, 3> x_sorted;
   std::vector<Run> x_runs;

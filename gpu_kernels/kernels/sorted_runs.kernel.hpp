@@ -43,7 +43,9 @@ centroids(PointsView p, const std::uint64_t* keys, const std::uint32_t* order, c
   if (first >= kept || (first > 0 && keys[first] == keys[first - 1])) return;
   std::uint32_t last = first + 1;
   while (last < kept && keys[last] == keys[first]) ++last;
-  const Vec3<float> mean = centroid(p, order, first, last);
+  CentroidSum sum;
+  for (std::uint32_t k = first; k < last; ++k) sum.add(p, order[k]);
+  const Vec3<float> mean = sum.centroid();
   const std::uint32_t out = numbers[first] - 1;
   x[out] = mean.x;
   y[out] = mean.y;
