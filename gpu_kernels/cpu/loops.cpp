@@ -67,10 +67,10 @@ class MomentBatch {
 
  private:
   static constexpr int kBatch = 64;
-  const CovariancesOut& x_out;
-  CovarianceSetup x_setup;
   alignas(64) float x_rows[kMomentRows][kBatch];
   std::uint32_t x_to[kBatch];
+  const CovariancesOut& x_out;
+  CovarianceSetup x_setup;
   int x_filled = 0;
 };
 
@@ -165,20 +165,19 @@ struct Gaussians {
   RACELOC_HD void transpose4(const VoxelMapView& map, int lane, int word) {
     static constexpr VoxelRecord kNothing{{0, 0, 0}, {1, 0, 0, 1, 0, 1}, {0, 0, 0}};
     using Four = float __attribute__((vector_size(16)));
-    using Places = std::int32_t __attribute__((vector_size(16)));
     Four r[4];
     for (int k = 0; k < 4; ++k) {
       const VoxelRecord* from = record[lane + k] >= 0 ? &map.records[record[lane + k]] : &kNothing;
       __builtin_memcpy(&r[k], reinterpret_cast<const char*>(from) + word * sizeof(float), sizeof(Four));
     }
-    const Four low_a = __builtin_shuffle(r[0], r[1], Places{0, 4, 1, 5});
-    const Four low_b = __builtin_shuffle(r[2], r[3], Places{0, 4, 1, 5});
-    const Four high_a = __builtin_shuffle(r[0], r[1], Places{2, 6, 3, 7});
-    const Four high_b = __builtin_shuffle(r[2], r[3], Places{2, 6, 3, 7});
-    const Four columns[4] = {__builtin_shuffle(low_a, low_b, Places{0, 1, 4, 5}),
-                             __builtin_shuffle(low_a, low_b, Places{2, 3, 6, 7}),
-                             __builtin_shuffle(high_a, high_b, Places{0, 1, 4, 5}),
-                             __builtin_shuffle(high_a, high_b, Places{2, 3, 6, 7})};
+    const Four low_a = __builtin_shufflevector(r[0], r[1], 0, 4, 1, 5);
+    const Four low_b = __builtin_shufflevector(r[2], r[3], 0, 4, 1, 5);
+    const Four high_a = __builtin_shufflevector(r[0], r[1], 2, 6, 3, 7);
+    const Four high_b = __builtin_shufflevector(r[2], r[3], 2, 6, 3, 7);
+    const Four columns[4] = {__builtin_shufflevector(low_a, low_b, 0, 1, 4, 5),
+                             __builtin_shufflevector(low_a, low_b, 2, 3, 6, 7),
+                             __builtin_shufflevector(high_a, high_b, 0, 1, 4, 5),
+                             __builtin_shufflevector(high_a, high_b, 2, 3, 6, 7)};
     for (int k = 0; k < 4; ++k) __builtin_memcpy(&rows[word + k][lane], &columns[k], sizeof(Four));
   }
 };
@@ -380,7 +379,8 @@ void pass(const PassJob& job, std::size_t first, std::size_t last, double* sums)
     group.run(i, static_cast<int>(last - i < kLanes ? last - i : kLanes));
   for (int s = 0; s < kSums; ++s) {
     alignas(64) float row[kLanes];
-    for (int part = 0; part < kParts; ++part) store(&row[part * kWidth], lanes[part][s]);
+    float* to = row;
+    for (int part = 0; part < kParts; ++part, to += kWidth) store(to, lanes[part][s]);
     sums[s] = static_cast<double>(sumOfLanes(row));
   }
 }

@@ -32,7 +32,9 @@ std::vector<std::pair<std::string, Points>> clouds() {
   Points line, same, lattice;
   for (int i = 0; i < 500; ++i) push(line, 0.1 * i, 0, 0);
   for (int i = 0; i < 300; ++i) push(same, 1, 2, 3);
-  for (int i = 0; i < 1000; ++i) push(lattice, i % 10, i / 10 % 10, i / 100);  // ties everywhere
+  for (int z = 0; z < 10; ++z)  // ties everywhere
+    for (int y = 0; y < 10; ++y)
+      for (int x = 0; x < 10; ++x) push(lattice, x, y, z);
   all.emplace_back("line", line);
   all.emplace_back("same", same);
   all.emplace_back("lattice", lattice);

@@ -107,6 +107,7 @@ struct Tally {
 /** Start k is on pair k modulo their number; the same for every method. */
 Tally tally(const Method& method, const std::vector<ThinPair>& pairs, const PoseDistance& off) {
   std::vector<Aligner> aligners;
+  aligners.reserve(pairs.size());
   for (const ThinPair& pair : pairs) aligners.push_back(method.prepare(pair));
   Tally result;
   std::mt19937 engine(1);
