@@ -30,16 +30,18 @@ RACELOC_HD void visitLeaves(const KdTreeView& tree, const Vec3<float>& q, const 
     Branch here = stack[--depth];
     if (here.squared_m2 * surely > reach()) continue;
     while (here.node < tree.inner_nodes) {
-      const int axis = tree.axis[here.node];
-      const float beyond_m = from[axis] - tree.split[here.node];
+      const KdNode cut = tree.nodes[here.node];
+      const float beyond_m = from[cut.axis] - cut.split_m;
       const std::int32_t low = 2 * here.node + 1, near = beyond_m < 0 ? low : low + 1;
-      Branch& other = stack[depth];
-      other = here;
-      other.node = beyond_m < 0 ? low + 1 : low;
-      other.offset_m[axis] = beyond_m;
-      other.squared_m2 = other.offset_m[0] * other.offset_m[0] + other.offset_m[1] * other.offset_m[1] +
-                         other.offset_m[2] * other.offset_m[2];
-      if (other.squared_m2 * surely <= reach()) ++depth;
+      if (beyond_m * beyond_m * surely <= reach()) {  // else its box is not nearer than its plane
+        Branch& other = stack[depth];
+        other = here;
+        other.node = beyond_m < 0 ? low + 1 : low;
+        other.offset_m[cut.axis] = beyond_m;
+        other.squared_m2 = other.offset_m[0] * other.offset_m[0] + other.offset_m[1] * other.offset_m[1] +
+                           other.offset_m[2] * other.offset_m[2];
+        if (other.squared_m2 * surely <= reach()) ++depth;
+      }
       here.node = near;
     }
     visit((here.node - tree.inner_nodes) * kLeafPoints);

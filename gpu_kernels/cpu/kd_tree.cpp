@@ -12,8 +12,7 @@ void KdTree::build(const PointsView& points) {
     x_items[i] = {{points.x[i], points.y[i], points.z[i]}, static_cast<std::int32_t>(i)};
   std::size_t leaves = 1;
   while (leaves * kLeafPoints < points.size) leaves *= 2;
-  x_split.resize(leaves - 1);
-  x_axis.resize(leaves - 1);
+  x_nodes.resize(leaves - 1);
   constexpr float nowhere_m = 1e18F;  // its square is finite
   for (auto* v : {&x_x, &x_y, &x_z}) v->assign(leaves * kLeafPoints, nowhere_m);
   x_index.assign(leaves * kLeafPoints, std::numeric_limits<std::int32_t>::max());
@@ -24,7 +23,7 @@ void KdTree::build(const PointsView& points) {
  * tree, at most kDeepest. */
 // NOLINTNEXTLINE(misc-no-recursion)
 void KdTree::divide(std::int32_t node, Item* first, Item* last) {
-  const auto inner_nodes = static_cast<std::int32_t>(x_split.size());
+  const auto inner_nodes = static_cast<std::int32_t>(x_nodes.size());
   if (node >= inner_nodes) {
     auto place = static_cast<std::size_t>(node - inner_nodes) * kLeafPoints;
     for (const Item* item = first; item != last; ++item, ++place) {
@@ -48,9 +47,8 @@ void KdTree::divide(std::int32_t node, Item* first, Item* last) {
   std::nth_element(first, middle, last, [axis](const Item& a, const Item& b) {
     return a.p[axis] != b.p[axis] ? a.p[axis] < b.p[axis] : a.index < b.index;
   });
-  const auto at = static_cast<std::size_t>(node);
-  x_axis[at] = static_cast<std::uint8_t>(axis);
-  x_split[at] = middle == last ? 0.0F : middle->p[axis];
+  x_nodes[static_cast<std::size_t>(node)] = {middle == last ? 0.0F : middle->p[axis],
+                                             static_cast<std::int32_t>(axis)};
   divide(2 * node + 1, first, middle);
   divide(2 * node + 2, middle, last);
 }
