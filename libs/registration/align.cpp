@@ -15,10 +15,9 @@ Matrix6d floored(Matrix6d covariance, double min_sigma_rad, double min_sigma_m) 
   return covariance;
 }
 
-}  // namespace
-
-Registration align(gpu::Context& context, const CovarianceCloud& source, const gpu::VoxelMap& target,
-                   const Pose& T_target_source_guess, const GicpOptions& options) {
+template <class Target>
+Registration alignTo(gpu::Context& context, const CovarianceCloud& source, const Target& target,
+                     const Pose& T_target_source_guess, const GicpOptions& options) {
   const gpu::Match match = gpu::match(context, viewOf(source.cloud), source.covariances.view(), target,
                                       toTransform(T_target_source_guess), options.forKernels());
   const Matrix6d H = Eigen::Map<const Matrix6d>(match.last.H.data());
@@ -39,7 +38,23 @@ Registration align(gpu::Context& context, const CovarianceCloud& source, const g
       eigen.eigenvectors() * information.cwiseInverse().asDiagonal() * eigen.eigenvectors().transpose();
   r.covariance =
       floored(options.covariance_scale * inverse, options.min_sigma_deg * M_PI / 180, options.min_sigma_m);
+  r.information = r.covariance.inverse();
+  const Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> position(r.covariance.bottomRightCorner<3, 3>());
+  r.weakest_direction = position.eigenvectors().col(2);
+  r.weakest_sigma_m = std::sqrt(position.eigenvalues()[2]);
   return r;
+}
+
+}  // namespace
+
+Registration align(gpu::Context& context, const CovarianceCloud& source, const gpu::VoxelMap& target,
+                   const Pose& T_target_source_guess, const GicpOptions& options) {
+  return alignTo(context, source, target, T_target_source_guess, options);
+}
+
+Registration align(gpu::Context& context, const CovarianceCloud& source, const gpu::NearestTarget& target,
+                   const Pose& T_target_source_guess, const GicpOptions& options) {
+  return alignTo(context, source, target, T_target_source_guess, options);
 }
 
 }  // namespace raceloc

@@ -1,7 +1,8 @@
 /** \file
- * Pose of a scan in a map of voxel Gaussians. */
+ * Pose of a scan among voxel Gaussians (VGICP) or points (GICP). */
 #pragma once
 
+#include <raceloc/gpu/nearest_target.h>
 #include <raceloc/gpu/voxel_map.h>
 
 #include "cloud/covariances.h"
@@ -12,9 +13,13 @@ namespace raceloc {
 /** Result of align(): not converging is a result, not an exception. */
 struct Registration {
   Pose T_target_source;
-  Matrix6d covariance;  ///< of the pose, right increment (rad, m), scaled and floored as GicpOptions say
-  double inlier_share;  ///< source points with a pair, 0..1
-  double residual_m;    ///< root mean square distance of the pairs across their surface
+  Matrix6d covariance;   ///< of the pose, right increment (rad, m), scaled and floored as GicpOptions say
+  Matrix6d information;  ///< its inverse
+  Eigen::Vector3d
+      weakest_direction;   ///< unit vector in the source's frame along which the position is known worst
+  double weakest_sigma_m;  ///< and how badly [m]
+  double inlier_share;     ///< source points with a pair, 0..1
+  double residual_m;       ///< fitness: root mean square distance of the pairs across their surface
   int iterations;
   gpu::Stop stop;
   [[nodiscard]] bool trusted(const GicpOptions& options) const {
@@ -31,6 +36,11 @@ struct Registration {
  * (voxels). */
 [[nodiscard]] Registration align(gpu::Context& context, const CovarianceCloud& source,
                                  const gpu::VoxelMap& target, const Pose& T_target_source_guess,
+                                 const GicpOptions& options);
+
+/** GICP: as above, each point against the nearest of the target within max_distance_m. */
+[[nodiscard]] Registration align(gpu::Context& context, const CovarianceCloud& source,
+                                 const gpu::NearestTarget& target, const Pose& T_target_source_guess,
                                  const GicpOptions& options);
 
 }  // namespace raceloc

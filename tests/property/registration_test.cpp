@@ -88,6 +88,47 @@ TEST(AlignProperty, CovarianceIsSymmetricPositiveAndAtLeastTheFloor) {
     EXPECT_GE(r.covariance(axis, axis), options.min_sigma_m * options.min_sigma_m);
 }
 
+TEST(AlignProperty, GicpFindsTheCarToo) {
+  forAll(5, [](Random& rnd) {
+    Street street(static_cast<unsigned>(rnd.integer(1, 1'000'000)));
+    const CovarianceCloud map =
+        withCovariances(street.context, voxelGrid(street.context, test::street(street.rnd, 0.01), 0.25), {});
+    const gpu::NearestTarget points(viewOf(map.cloud), map.covariances.view());
+    const Pose T_map_body =
+        poseFromRpy({rnd.uniform(-10, 10), rnd.uniform(-3, 3), 1}, 0.02, -0.02, rnd.uniform(-3, 3));
+    const Registration r =
+        align(street.context, street.scanFrom(T_map_body), points, T_map_body * rnd.pose(0.03, 0.3), {});
+    EXPECT_TRUE(r.trusted({}));
+    const Vector6d error = se3Log(T_map_body.inverse() * r.T_target_source);
+    EXPECT_LT(error.tail<3>().norm(), 0.05);  // as above
+    EXPECT_LT(error.head<3>().norm(), 0.005);
+  });
+}
+
+TEST(AlignProperty, SaysAlongWhichDirectionItKnowsLeast) {
+  forAll(10, [](Random& rnd) {  // a tunnel: nothing tells where along it the car is
+    Cloud tunnel;
+    for (int i = 0; i < 20000; ++i) {
+      const double along_m = rnd.uniform(-30, 30), angle_rad = rnd.uniform(-M_PI, M_PI);
+      tunnel.push(Eigen::Vector3d(along_m, 5 * std::cos(angle_rad), 4 * std::sin(angle_rad)).cast<float>());
+    }
+    gpu::Context context(gpu::Backend::cpu);
+    const CovarianceCloud map = withCovariances(context, voxelGrid(context, tunnel, 0.25), {});
+    gpu::VoxelMap target(context, 1.0);
+    target.insert(viewOf(map.cloud), map.covariances.view(), {});
+    const double yaw_rad = rnd.uniform(-3, 3);
+    const Pose T_map_body = poseFromRpy({0, 0, 0}, 0, 0, yaw_rad);
+    const CovarianceCloud scan =
+        withCovariances(context, voxelGrid(context, transformed(tunnel, T_map_body.inverse()), 0.5), {});
+    const Registration r = align(context, scan, target, T_map_body, {});
+    const Eigen::Vector3d along_body(std::cos(yaw_rad), -std::sin(yaw_rad), 0);
+    EXPECT_GT(std::fabs(r.weakest_direction.dot(along_body)), 0.99);
+    const Eigen::Vector3d variances_m2 = r.covariance.diagonal().tail<3>();
+    EXPECT_GT(r.weakest_sigma_m * r.weakest_sigma_m, 1.5 * variances_m2.mean());
+    EXPECT_TRUE((r.information * r.covariance).isIdentity(1e-6));
+  });
+}
+
 TEST(Align, TooFewPointsAreAResult) {
   Street street(4);
   CovarianceCloud scan = street.scanFrom(Pose::Identity());
