@@ -33,7 +33,7 @@ struct CovarianceOptions {
   int polynomial_degree = 2;
   double hist_s_m = 1.0;
   double plane_epsilon = 1e-3;
-  int min_neighbours = 8;
+  int min_neighbours = 5;
   void describe(OptionList& keys);
   [[nodiscard]] gpu::CovarianceOptions forKernels() const;
 };

@@ -24,6 +24,13 @@ KernelErrors errorsOf(gpu::Weight kernel, const KittiSequence& sequence) {
   gpu::Context context(gpu::Backend::cpu);
   CovarianceOptions covariance;
   covariance.kernel = kernel;
+  const double scale =
+      2 * kLeaf_m / covariance.radius_m;  // the defaults are for two voxels of the thinned scan
+  for (double* length_m : {&covariance.radius_m, &covariance.gaussian_sigma_m, &covariance.laplacian_sigma_m,
+                           &covariance.hist_s_m})
+    *length_m *= scale;
+  covariance.rbf_gamma_per_m2 /= scale * scale;
+  covariance.polynomial_alpha_per_m2 /= scale * scale;
   const GicpOptions gicp;
   const auto prepared = [&](const Cloud& scan) {
     return withCovariances(context, voxelGrid(context, scan, kLeaf_m), covariance);
