@@ -1,37 +1,51 @@
 /** \file
- * Device memory with an owner, and driver calls that cannot fail unseen. */
+ * Device memory with an owner, its pinned twin on the host, and driver calls that cannot fail unseen. */
 #pragma once
 
 #include <cuda_runtime_api.h>
 
+#include <cstring>
 #include <string>
-#include <utility>
-#include <vector>
 
 #include "raceloc/gpu/types.h"
 
 namespace raceloc::gpu {
 
-/** \throws DeviceError "call: the driver's words" */
-inline void checkCuda(cudaError_t status, const char* call) {
+/** A call of the driver, and where it stands: built at the call from its name alone. */
+struct CudaCall {
+  const char* name;
+  const char* file;
+  int line;
+  CudaCall(const char* name_, const char* file_ = __builtin_FILE(), int line_ = __builtin_LINE())
+      : name(name_), file(file_), line(line_) {}
+};
+
+/** \throws DeviceError "call at file:line: the driver's words" */
+inline void checkCuda(cudaError_t status, const CudaCall& call) {
   if (status == cudaSuccess) return;
   cudaGetLastError();  // the error would stick to the next call
-  throw DeviceError(std::string(call) + ": " + cudaGetErrorString(status));
+  const char* slash = std::strrchr(call.file, '/');
+  throw DeviceError(std::string(call.name) + " at " + (slash == nullptr ? call.file : slash + 1) + ":" +
+                    std::to_string(call.line) + ": " + cudaGetErrorString(status));
 }
 
-/** Memory on the device that grows and never shrinks: a context's buffers live as long as it does. */
+/** Memory on the device that grows and never shrinks: a context's buffers live as long as it does. Copies go
+ * through pinned memory, which the device reads while the host does something else. */
 template <class T>
 class DeviceArray {
  public:
   DeviceArray() = default;
-  ~DeviceArray() { cudaFree(x_data); }
+  ~DeviceArray() {
+    cudaFree(x_data);
+    cudaFreeHost(x_pinned);
+  }
   DeviceArray(const DeviceArray&) = delete;
   DeviceArray& operator=(const DeviceArray&) = delete;
 
   /** Room for n elements; what was there is lost if it has to grow. */
   T* room(std::size_t n) {
     if (n > x_capacity) {
-      cudaFree(x_data);
+      checkCuda(cudaFree(x_data), "cudaFree");
       x_data = nullptr, x_capacity = 0;
       void* data = nullptr;
       checkCuda(cudaMalloc(&data, n * sizeof(T)), "cudaMalloc");
@@ -40,25 +54,44 @@ class DeviceArray {
     return x_data;
   }
 
-  const T* upload(const T* host, std::size_t n, cudaStream_t stream) {
+  /** The copy before from or to this array must have ended. */
+  template <class Machine>
+  const T* upload(const Machine& machine, const T* from, std::size_t n) {
     T* data = room(n);
-    if (n > 0)
-      checkCuda(cudaMemcpyAsync(data, host, n * sizeof(T), cudaMemcpyHostToDevice, stream),
-                "cudaMemcpyAsync");
+    if (n == 0) return data;
+    std::memcpy(pinned(n), from, n * sizeof(T));
+    checkCuda(cudaMemcpyAsync(data, x_pinned, n * sizeof(T), cudaMemcpyHostToDevice, machine.stream()),
+              "cudaMemcpyAsync to the device");
     return data;
   }
 
-  void download(T* host, std::size_t n, cudaStream_t stream) const {
-    if (n > 0)
-      checkCuda(cudaMemcpyAsync(host, x_data, n * sizeof(T), cudaMemcpyDeviceToHost, stream),
-                "cudaMemcpyAsync");
+  /** Elements [from, from + n) are at host() when the stream has been waited for. */
+  template <class Machine>
+  void download(const Machine& machine, std::size_t n, std::size_t from = 0) {
+    if (n == 0) return;
+    checkCuda(
+        cudaMemcpyAsync(pinned(n), x_data + from, n * sizeof(T), cudaMemcpyDeviceToHost, machine.stream()),
+        "cudaMemcpyAsync to the host");
   }
 
   [[nodiscard]] T* data() const { return x_data; }
+  [[nodiscard]] const T* host() const { return x_pinned; }
 
  private:
+  T* pinned(std::size_t n) {
+    if (n > x_pinned_capacity) {
+      checkCuda(cudaFreeHost(x_pinned), "cudaFreeHost");
+      x_pinned = nullptr, x_pinned_capacity = 0;
+      void* data = nullptr;
+      checkCuda(cudaMallocHost(&data, n * sizeof(T)), "cudaMallocHost");
+      x_pinned = static_cast<T*>(data), x_pinned_capacity = n;
+    }
+    return x_pinned;
+  }
+
   T* x_data = nullptr;
-  std::size_t x_capacity = 0;
+  T* x_pinned = nullptr;
+  std::size_t x_capacity = 0, x_pinned_capacity = 0;
 };
 
 }  // namespace raceloc::gpu

@@ -1,24 +1,60 @@
 /** \file
- * What the kernels use of the machine: their place in the grid, shuffles and the barrier. Nothing else in
- * kernels/ names a CUDA builtin. */
+ * What the kernels use of the machine: their place in the grid, barrier, shuffle, fence and counter. Nothing else
+ * in kernels/ names a CUDA builtin; g++ compiles the same kernels for the fibre emulator of the tests. */
 #pragma once
 
 #include <cstdint>
 
-#define RACELOC_KERNEL(threads) __global__ void __launch_bounds__(threads)
+#include "core/host_device.hpp"
 
 namespace raceloc::gpu::simt {
 
 inline constexpr int kWarp = 32;
 
-__device__ __forceinline__ std::uint32_t globalThread() { return blockIdx.x * blockDim.x + threadIdx.x; }
-__device__ __forceinline__ std::uint32_t thread() { return threadIdx.x; }
-__device__ __forceinline__ std::uint32_t block() { return blockIdx.x; }
-__device__ __forceinline__ std::uint32_t lane() { return threadIdx.x % kWarp; }
-__device__ __forceinline__ std::uint32_t warp() { return threadIdx.x / kWarp; }
-__device__ __forceinline__ void barrier() { __syncthreads(); }
-__device__ __forceinline__ float fromLaneXor(float value, int mask) {
-  return __shfl_xor_sync(0xFFFFFFFFU, value, mask);
-}
+/** Blocks of a launch. */
+struct Grid {
+  std::uint32_t x = 1, y = 1;
+};
+
+}  // namespace raceloc::gpu::simt
+
+#if defined(__CUDACC__)
+
+#define RACELOC_KERNEL(threads) __global__ void __launch_bounds__(threads)
+#define RACELOC_DEVICE __device__ __forceinline__
+#define RACELOC_SHARED(type, name) __shared__ type name
+#define RACELOC_UNROLL _Pragma("unroll")
+
+namespace raceloc::gpu::simt {
+
+RACELOC_DEVICE std::uint32_t thread() { return threadIdx.x; }
+RACELOC_DEVICE std::uint32_t threads() { return blockDim.x; }
+RACELOC_DEVICE Grid block() { return {blockIdx.x, blockIdx.y}; }
+RACELOC_DEVICE Grid blocks() { return {gridDim.x, gridDim.y}; }
+RACELOC_DEVICE void barrier() { __syncthreads(); }
+RACELOC_DEVICE float fromLaneXor(float value, int mask) { return __shfl_xor_sync(0xFFFFFFFFU, value, mask); }
+
+/** What this thread wrote before is seen by whoever sees what it writes after. */
+RACELOC_DEVICE void fence() { __threadfence(); }
+
+/** Adds 1 for all blocks to see; returns the value before. */
+RACELOC_DEVICE std::uint32_t increment(std::uint32_t& counter) { return atomicAdd(&counter, 1U); }
+
+/** Reads what another block wrote in this launch: past the first cache, which does not see it. */
+RACELOC_DEVICE double fromOtherBlock(const double& value) { return __ldcg(&value); }
+
+}  // namespace raceloc::gpu::simt
+
+#else
+
+#include "tests/emu/emulator.hpp"
+
+#endif
+
+namespace raceloc::gpu::simt {
+
+RACELOC_DEVICE std::uint32_t globalThread() { return block().x * threads() + thread(); }
+RACELOC_DEVICE std::uint32_t lane() { return thread() % kWarp; }
+RACELOC_DEVICE std::uint32_t warp() { return thread() / kWarp; }
 
 }  // namespace raceloc::gpu::simt

@@ -69,8 +69,7 @@ listCells(PointsView p, const std::uint64_t* keys, const std::uint32_t* order, c
 }
 
 /** First of `n` ascending keys that is not below `key`. */
-__device__ __forceinline__ std::uint32_t lowerBound(const std::uint64_t* keys, std::uint32_t n,
-                                                    std::uint64_t key) {
+RACELOC_DEVICE std::uint32_t lowerBound(const std::uint64_t* keys, std::uint32_t n, std::uint64_t key) {
   std::uint32_t first = 0;
   for (std::uint32_t left = n; left > 0;) {
     const std::uint32_t half = left / 2;

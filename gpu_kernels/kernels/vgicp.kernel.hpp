@@ -15,9 +15,9 @@ static_assert(kSums == simt::kWarp, "one lane a sum");
  * carries, 31 shuffles instead of 160. A template, because a loop that is not unrolled would index v in
  * memory. */
 template <int Half>
-__device__ __forceinline__ void transposeReduce(float (&v)[kSums]) {
+RACELOC_DEVICE void transposeReduce(float (&v)[kSums]) {
   const bool upper = (simt::lane() & Half) != 0;
-#pragma unroll
+  RACELOC_UNROLL
   for (int i = 0; i < Half; ++i) {
     const float keep = upper ? v[i + Half] : v[i], give = upper ? v[i] : v[i + Half];
     v[i] = keep + simt::fromLaneXor(give, Half);
@@ -37,7 +37,8 @@ struct PassInput {
 /** Partial sums of the block go to partials[block][kSums]. */
 RACELOC_KERNEL(kPassThreads)
 vgicpPass(PassInput in, double* partials) {
-  __shared__ float of_warp[kPassThreads / simt::kWarp][kSums];
+  using WarpSums = float[kPassThreads / simt::kWarp][kSums];
+  RACELOC_SHARED(WarpSums, of_warp);
   float v[kSums] = {};
   const std::uint32_t i = simt::globalThread();
   if (i < in.points.size) {
@@ -51,9 +52,9 @@ vgicpPass(PassInput in, double* partials) {
   simt::barrier();
   if (simt::warp() != 0) return;
   double sum = 0;
-#pragma unroll
+  RACELOC_UNROLL
   for (int w = 0; w < kPassThreads / simt::kWarp; ++w) sum += static_cast<double>(of_warp[w][simt::lane()]);
-  partials[static_cast<std::size_t>(simt::block()) * kSums + simt::lane()] = sum;
+  partials[static_cast<std::size_t>(simt::block().x) * kSums + simt::lane()] = sum;
 }
 
 /** One warp: lane k adds the blocks' sums k in order. */

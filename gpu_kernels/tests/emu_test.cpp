@@ -1,0 +1,202 @@
+/** \file
+ * The CUDA kernels and their order of launches, on the fibre emulator: they agree with the CPU's loops, whatever
+ * order the threads and blocks run in. */
+#include <gtest/gtest.h>
+
+#include "api/voxel_table.hpp"
+#include "core/se3_lm.hpp"
+#include "tests/emu/emulated_machine.hpp"
+#include "tests/scenes.h"
+
+namespace raceloc::gpu::test {
+namespace {
+
+using Emulated = DeviceBackend<emu::Machine>;
+
+constexpr int kThreads = 64;
+constexpr std::array kSeeds{1, 2, 3};
+
+using Values = std::array<float, kThreads>;
+
+// Kernels with and without defects: each thread reads what the other warp wrote.
+RACELOC_KERNEL(kThreads) swapWarps(Values& out) {
+  RACELOC_SHARED(Values, shared);
+  shared[simt::thread()] = static_cast<float>(simt::thread());
+  simt::barrier();
+  out[simt::thread()] = shared[simt::thread() ^ simt::kWarp];
+}
+RACELOC_KERNEL(kThreads) swapWarpsWithoutBarrier(Values& out) {
+  RACELOC_SHARED(Values, shared);
+  shared[simt::thread()] = static_cast<float>(simt::thread());
+  out[simt::thread()] = shared[simt::thread() ^ simt::kWarp];
+}
+RACELOC_KERNEL(kThreads) barrierOfHalf(Values& out) {
+  if (simt::thread() < 48) simt::barrier();
+  out[simt::thread()] = 0;
+}
+RACELOC_KERNEL(kThreads) barrierAtTwoPlaces(Values&) {
+  if (simt::thread() < simt::kWarp) {
+    simt::barrier();
+  } else {
+    simt::barrier();
+  }
+}
+RACELOC_KERNEL(kThreads) shuffleOfHalf(Values& out) {
+  if (simt::lane() < 16) out[simt::thread()] = simt::fromLaneXor(1.0F, 1);
+}
+RACELOC_KERNEL(kThreads) shuffleBesideBarrier(Values& out) {
+  if (simt::lane() < 16) out[simt::thread()] = simt::fromLaneXor(1.0F, 1);
+  simt::barrier();
+}
+RACELOC_KERNEL(kThreads) countArrivals(std::uint32_t& counter, std::vector<std::uint32_t>& arrivals) {
+  arrivals.push_back(simt::increment(counter));
+}
+
+Values swapped(void (*kernel)(Values&), std::uint64_t seed) {
+  Values out{};
+  emu::launch("swap", {1}, kThreads, seed, [&] { kernel(out); });
+  return out;
+}
+
+std::string errorOf(void (*kernel)(Values&)) {
+  try {
+    (void)swapped(kernel, 1);
+  } catch (const emu::KernelError& error) {
+    return error.what();
+  }
+  return "none";
+}
+
+TEST(Emulator, RunsWhatIsRight) {
+  for (std::uint64_t seed = 0; seed < 20; ++seed) {
+    const Values out = swapped(swapWarps, seed);
+    for (std::size_t i = 0; i < out.size(); ++i) EXPECT_EQ(out[i], static_cast<float>(i ^ simt::kWarp));
+  }
+  std::uint32_t counter = 0;
+  std::vector<std::uint32_t> arrivals, expected;
+  emu::launch("count", {3, 4}, 32, 1, [&] { countArrivals(counter, arrivals); });
+  for (std::uint32_t i = 0; i < 3 * 4 * 32; ++i) expected.push_back(i);
+  EXPECT_EQ(arrivals, expected);
+}
+
+TEST(Emulator, ShowsAMissingBarrier) {
+  for (std::uint64_t seed = 0; seed < 20; ++seed) {  // in no order has every thread written before any reads
+    int poisoned = 0;
+    for (const float x : swapped(swapWarpsWithoutBarrier, seed)) poisoned += std::isnan(x) ? 1 : 0;
+    EXPECT_GT(poisoned, 0);
+  }
+}
+
+TEST(Emulator, RefusesDivergence) {
+  EXPECT_NE(errorOf(barrierOfHalf).find("only 48 of 64 threads of the block reach the barrier"),
+            std::string::npos);
+  EXPECT_NE(errorOf(barrierAtTwoPlaces).find("different places"), std::string::npos);
+  EXPECT_NE(errorOf(shuffleOfHalf).find("only 16 of 32 threads of the warp"), std::string::npos);
+  EXPECT_NE(errorOf(shuffleBesideBarrier).find("emu_test.cpp:"), std::string::npos);
+}
+
+TEST(Emulator, PassesOnWhatAKernelThrows) {
+  EXPECT_THROW(emu::launch("throws", {1}, kThreads, 1, [] { throw std::out_of_range("here"); }),
+               std::out_of_range);
+}
+
+void expectSame(const Points& a, const Points& b) {
+  EXPECT_EQ(a.x, b.x);
+  EXPECT_EQ(a.y, b.y);
+  EXPECT_EQ(a.z, b.z);
+}
+
+std::array<const std::vector<float>*, 6> entries(const Covariances& C) {
+  return {&C.xx, &C.xy, &C.xz, &C.yy, &C.yz, &C.zz};
+}
+
+TEST(EmulatedBackend, GivesTheVoxelGridOfTheCpu) {
+  Points p = hall(1, 3000);
+  push(p, std::nan(""), 0, 0);
+  push(p, 0, HUGE_VAL, 0);
+  push(p, 0, 0, -1e9);
+  const auto cpu = makeCpuBackend(1);
+  for (const int seed : kSeeds) {
+    Emulated emulated(seed);
+    for (const double size_m : {0.3, 1e-4}) {
+      std::size_t dropped = 0, dropped_there = 1;
+      const Points here = cpu->voxelGrid(p.view(), size_m, dropped);
+      expectSame(emulated.voxelGrid(p.view(), size_m, dropped_there), here);
+      EXPECT_EQ(dropped_there, dropped);
+    }
+    std::size_t dropped = 0;
+    EXPECT_EQ(emulated.voxelGrid({}, 1, dropped).size(), 0U);
+  }
+}
+
+TEST(EmulatedBackend, GivesTheCovariancesOfTheCpu) {
+  const Points p = hall(2, 2000);
+  const auto cpu = makeCpuBackend(1);
+  for (const auto weight :
+       {Weight::rbf, Weight::gaussian, Weight::polynomial, Weight::hist, Weight::laplacian}) {
+    for (const auto how : {Regularisation::none, Regularisation::min_eig, Regularisation::plane}) {
+      CovarianceOptions o;
+      o.weight = weight;
+      o.regularisation = how;
+      const Covariances expected = cpu->covariances(p.view(), o);
+      Covariances first;
+      for (const int seed : kSeeds) {
+        const Covariances C = Emulated(seed).covariances(p.view(), o);
+        ASSERT_EQ(C.neighbours, expected.neighbours);
+        if (first.size() == 0) first = C;
+        for (std::size_t k = 0; k < 6; ++k) {
+          EXPECT_EQ(*entries(C)[k], *entries(first)[k]);  // one order of sums, whatever the seed
+          for (std::size_t i = 0; i < p.size(); ++i) {
+            // Sums of floats in another order: 1e-6; a normal turns by that over its gap, which is > 1e-3.
+            EXPECT_NEAR((*entries(C)[k])[i], (*entries(expected)[k])[i],
+                        how == Regularisation::plane ? 1e-3 : 1e-5);
+          }
+        }
+      }
+    }
+  }
+}
+
+class EmulatedMatch : public ::testing::Test {
+ protected:
+  EmulatedMatch() { x_table.insert(x_target.view(), x_cpu->covariances(x_target.view(), {}).view(), {}); }
+
+  Match matched(BackendBase& backend, const Transform& guess, const MatchOptions& o) {
+    const auto mirror = backend.mirror();
+    if (mirror) mirror->upload(x_table);
+    return gaussNewton(*backend.passes(x_source.view(), x_covariances.view(), x_table, mirror.get(), o),
+                       guess, o);
+  }
+
+  std::unique_ptr<BackendBase> x_cpu = makeCpuBackend(1);
+  Points x_target = hall(3, 8000), x_source = hall(4, 700);  // no multiple of a block
+  Covariances x_covariances = x_cpu->covariances(x_source.view(), {});
+  VoxelTable x_table{1.0};
+  Transform x_guess = pose({0, 0.01, 0.03}, {0.2, 0.1, -0.1});
+};
+
+TEST_F(EmulatedMatch, GivesThePoseOfTheCpu) {
+  for (const int around : {1, 7, 27}) {
+    MatchOptions o;
+    o.neighbour_voxels = around;
+    const Match expected = matched(*x_cpu, x_guess, o);
+    EXPECT_EQ(expected.stop, Stop::converged);
+    Match first;
+    for (const int seed : kSeeds) {
+      Emulated emulated(seed);
+      const Match m = matched(emulated, x_guess, o);
+      if (seed == kSeeds.front()) first = m;
+      EXPECT_EQ(m.stop, expected.stop);
+      EXPECT_EQ(m.iterations, expected.iterations);
+      EXPECT_LT(distance_m(m.T_map_source, expected.T_map_source), 1e-6);  // floats in other sums
+      EXPECT_LT(angle_rad(m.T_map_source, expected.T_map_source), 1e-6);
+      EXPECT_EQ(m.last.inliers, expected.last.inliers);
+      EXPECT_EQ(m.T_map_source.R, first.T_map_source.R);
+      EXPECT_EQ(m.T_map_source.t, first.T_map_source.t);
+      EXPECT_EQ(m.last.H, first.last.H);
+    }
+  }
+}
+
+}  // namespace
+}  // namespace raceloc::gpu::test
