@@ -53,7 +53,7 @@ vgicpPass(PassInput in, double* partials) {
   if (simt::warp() != 0) return;
   double sum = 0;
   RACELOC_UNROLL
-  for (int w = 0; w < kPassThreads / simt::kWarp; ++w) sum += static_cast<double>(of_warp[w][simt::lane()]);
+  for (const auto& sums : of_warp) sum += static_cast<double>(sums[simt::lane()]);
   partials[static_cast<std::size_t>(simt::block().x) * kSums + simt::lane()] = sum;
 }
 

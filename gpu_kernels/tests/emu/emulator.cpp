@@ -21,7 +21,7 @@ namespace raceloc::gpu::emu {
 
 namespace {
 
-constexpr std::size_t kStack = 256 * 1024;  // touched only as far as it is used
+constexpr std::size_t kStack = std::size_t{256} * 1024;  // touched only as far as it is used
 constexpr std::size_t kResidentBlocks = 3;
 
 enum class State { ready, at_barrier, at_shuffle, finished };
@@ -221,6 +221,15 @@ void Launch::releaseWarp(Block& block, std::size_t first, std::size_t last) {
   }
 }
 
+/** The launch that fibres of this thread belong to, for a scope. */
+class Current {
+ public:
+  explicit Current(Launch& launch) { t_launch = &launch; }
+  ~Current() { t_launch = nullptr; }
+  Current(const Current&) = delete;
+  Current& operator=(const Current&) = delete;
+};
+
 void Launch::fail(const Fibre& at, const std::string& what) const {
   throw KernelError(x_name + " at " + at.place.file + ":" + std::to_string(at.place.line) + ": " + what);
 }
@@ -230,7 +239,7 @@ void Launch::fail(const Fibre& at, const std::string& what) const {
 void launch(const char* name, simt::Grid grid, int threads, std::uint64_t seed,
             const std::function<void()>& kernel) {
   Launch here(name, grid, threads, seed, kernel);
-  t_launch = &here;
+  const Current current(here);
   here.run();
 }
 

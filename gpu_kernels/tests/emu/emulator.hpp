@@ -14,10 +14,12 @@
 #define RACELOC_KERNEL(threads) static inline void  // static: the CUDA build has a function of this name
 #define RACELOC_DEVICE inline
 #define RACELOC_UNROLL
+// NOLINTBEGIN(bugprone-macro-parentheses): a type and a name
 /** The address of `tag` names the variable: each instance of a template has its own. */
 #define RACELOC_SHARED(type, name)  \
   static const char name##_tag = 0; \
   type& name = *static_cast<type*>(::raceloc::gpu::emu::sharedMemory(&name##_tag, sizeof(type)))
+// NOLINTEND(bugprone-macro-parentheses)
 
 namespace raceloc::gpu::emu {
 
