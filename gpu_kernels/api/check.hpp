@@ -33,7 +33,8 @@ inline void requireCountable(std::size_t points) {
 }
 
 inline void requireSameSize(const PointsView& points, const CovariancesView& covariances) {
-  require(points.size == covariances.size, "number of covariances", covariances.size,
+  if (points.size == covariances.size) return;  // the text below allocates
+  require(false, "number of covariances", covariances.size,
           ("that of the points, " + std::to_string(points.size)).c_str());
 }
 

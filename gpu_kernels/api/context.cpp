@@ -4,6 +4,7 @@
 #include <string_view>
 
 #include "api/check.hpp"
+#include "api/self_test.hpp"
 #include "core/backend.hpp"
 
 namespace raceloc::gpu {
@@ -25,7 +26,7 @@ Backend overridden(Backend asked, bool& by_environment) {
 
 }  // namespace
 
-Context::Context(Backend backend, int device, int threads) {
+Context::Context(Backend backend, int device, int threads) : x_threads(threads) {
   require(threads >= 1 && threads <= 256, "threads", threads, "from 1 to 256");
   bool by_environment = false;
   const Backend wanted = overridden(backend, by_environment);
@@ -37,6 +38,7 @@ Context::Context(Backend backend, int device, int threads) {
       return;
     case Backend::cuda:
       x_backend = makeCudaBackend(device);
+      if (!passesSelfTest()) throw DeviceError(x_reason);
       x_reason = x_backend->description() + ": " + who;
       return;
     case Backend::automatic:
@@ -44,11 +46,21 @@ Context::Context(Backend backend, int device, int threads) {
   }
   try {
     x_backend = makeCudaBackend(device);
-    x_reason = x_backend->description() + ": it answers and passed its test launch";
+    if (passesSelfTest()) x_reason = x_backend->description() + ": it answers and computes what the CPU does";
   } catch (const DeviceError& no_cuda) {
     x_backend = makeCpuBackend(threads);
     x_reason = x_backend->description() + ": " + no_cuda.what();
   }
+}
+
+bool Context::passesSelfTest() {
+  if (backend() == Backend::cpu) return true;
+  const std::string difference = selfTest(*x_backend);
+  if (difference.empty()) return true;
+  const std::string failed = x_backend->description() + " failed its self-test: " + difference;
+  x_backend = makeCpuBackend(x_threads);
+  x_reason = x_backend->description() + ": " + failed;
+  return false;
 }
 
 Context::~Context() = default;

@@ -26,8 +26,8 @@ template <class Use>
 auto withPasses(Context& context, const PointsView& source, const CovariancesView& covariances,
                 const VoxelMap& map, const MatchOptions& options, const Use& use) {
   check(source, covariances, options);
-  return use(*context.implementation().passes(source, covariances, map.storage().table(),
-                                              map.storage().mirror(), options));
+  return use(context.implementation().passes(source, covariances, map.storage().table(),
+                                             map.storage().mirror(), options));
 }
 
 /** The same against points. */
@@ -36,9 +36,9 @@ auto withPasses(Context& context, const PointsView& source, const CovariancesVie
                 const NearestTarget& target, const MatchOptions& options, const Use& use) {
   check(source, covariances, options);
   if (context.backend() == Backend::cpu)
-    return use(*context.implementation().nearestPasses(source, covariances, target.storage(), options));
+    return use(context.implementation().nearestPasses(source, covariances, target.storage(), options));
   const auto cpu = makeCpuBackend(1);
-  return use(*cpu->nearestPasses(source, covariances, target.storage(), options));
+  return use(cpu->nearestPasses(source, covariances, target.storage(), options));
 }
 
 }  // namespace
@@ -67,6 +67,18 @@ Match match(Context& context, const PointsView& source, const CovariancesView& c
             const MatchOptions& options) {
   return withPasses(context, source, covariances, target, options,
                     [&](PassRunner& passes) { return gaussNewton(passes, T_target_source_guess, options); });
+}
+
+std::vector<Match> matchAll(Context& context, const PointsView& source, const CovariancesView& covariances,
+                            const VoxelMap& map, const std::vector<Transform>& T_map_source_guesses,
+                            const MatchOptions& options) {
+  return withPasses(context, source, covariances, map, options, [&](PassRunner& passes) {
+    std::vector<Match> matches;
+    matches.reserve(T_map_source_guesses.size());
+    for (const Transform& guess : T_map_source_guesses)
+      matches.push_back(gaussNewton(passes, guess, options));
+    return matches;
+  });
 }
 
 }  // namespace raceloc::gpu

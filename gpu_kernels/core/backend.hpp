@@ -47,13 +47,14 @@ class BackendBase {
   virtual Points voxelGrid(const PointsView& points, double voxel_size_m, std::size_t& dropped) = 0;
   virtual Covariances covariances(const PointsView& points, const CovarianceOptions& options) = 0;
   virtual std::unique_ptr<MapMirror> mirror() = 0;  ///< null where the host's table serves
-  /** One runner of a backend at a time: it works in the backend's buffers. \param mirror of this backend */
-  virtual std::unique_ptr<PassRunner> passes(const PointsView& source, const CovariancesView& covariances,
-                                             const VoxelTable& table, const MapMirror* mirror,
-                                             const MatchOptions& options) = 0;
+  /** Good until the next call: a backend has one runner, which works in its buffers. \param mirror of this
+   * backend */
+  virtual PassRunner& passes(const PointsView& source, const CovariancesView& covariances,
+                             const VoxelTable& table, const MapMirror* mirror,
+                             const MatchOptions& options) = 0;
   /** As passes(), with the nearest point as pair; of the CPU's backend only. */
-  virtual std::unique_ptr<PassRunner> nearestPasses(const PointsView&, const CovariancesView&,
-                                                    const NearestTarget::Storage&, const MatchOptions&) {
+  virtual PassRunner& nearestPasses(const PointsView&, const CovariancesView&, const NearestTarget::Storage&,
+                                    const MatchOptions&) {
     throw std::logic_error("nearest-point passes run on the CPU");
   }
 };

@@ -136,10 +136,8 @@ Match gaussNewton(PassRunner& passes, const Transform& guess, const MatchOptions
     return Stop::max_iterations;
   };
   out.stop = run();
-  if (out.stop == Stop::too_few_inliers) out.T_map_source = guess;
-  out.last = linearization(passes.run(out.T_map_source));
-  if (out.stop == Stop::converged && out.last.inliers < kFewestInliers) {
-    out.stop = Stop::too_few_inliers;
+  out.last = at;
+  if (out.stop == Stop::too_few_inliers && out.iterations > 0) {
     out.T_map_source = guess;
     out.last = linearization(passes.run(guess));
   }

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <array>
 #include <numeric>
+#include <optional>
 #include <utility>
 #include <vector>
 
@@ -178,18 +179,15 @@ class CpuBackend : public BackendBase {
     return out;
   }
 
-  std::unique_ptr<PassRunner> passes(const PointsView& source, const CovariancesView& covariances,
-                                     const VoxelTable& table, const MapMirror*,
-                                     const MatchOptions& options) override {
-    return std::make_unique<CpuPasses>(x_loops, x_workers, x_pass_buffers, source, covariances, table.view(),
-                                       table.voxelSize(), options);
+  PassRunner& passes(const PointsView& source, const CovariancesView& covariances, const VoxelTable& table,
+                     const MapMirror*, const MatchOptions& options) override {
+    return x_passes.emplace(x_loops, x_workers, x_pass_buffers, source, covariances, table.view(),
+                            table.voxelSize(), options);
   }
 
-  std::unique_ptr<PassRunner> nearestPasses(const PointsView& source, const CovariancesView& covariances,
-                                            const NearestTarget::Storage& target,
-                                            const MatchOptions& options) override {
-    return std::make_unique<CpuPasses>(x_loops, x_workers, x_pass_buffers, source, covariances, target,
-                                       options);
+  PassRunner& nearestPasses(const PointsView& source, const CovariancesView& covariances,
+                            const NearestTarget::Storage& target, const MatchOptions& options) override {
+    return x_passes.emplace(x_loops, x_workers, x_pass_buffers, source, covariances, target, options);
   }
 
  private:
@@ -349,6 +347,7 @@ class CpuBackend : public BackendBase {
   const Loops& x_loops;
   Workers x_workers;
   PassBuffers x_pass_buffers;
+  std::optional<CpuPasses> x_passes;
   // Buffers, kept from call to call.
   std::array<std::vector<std::int32_t>, 3> x_voxels;
   std::vector<Box> x_boxes;

@@ -9,6 +9,7 @@
 
 #include <algorithm>
 #include <array>
+#include <optional>
 #include <string>
 #include <utility>
 #include <vector>
@@ -124,14 +125,13 @@ class DeviceBackend : public BackendBase {
             taken(C.yz), taken(C.zz), taken(C.neighbours)};
   }
 
-  std::unique_ptr<PassRunner> passes(const PointsView& source, const CovariancesView& covariances,
-                                     const VoxelTable& table, const MapMirror* mirror,
-                                     const MatchOptions& options) override {
+  PassRunner& passes(const PointsView& source, const CovariancesView& covariances, const VoxelTable& table,
+                     const MapMirror* mirror, const MatchOptions& options) override {
     const auto* here = dynamic_cast<const DeviceMirror<Machine>*>(mirror);
     if (here == nullptr || here->device() != x_machine.device())
       throw std::invalid_argument("the voxel map was made by the context of another device");
     x_machine.select();
-    return std::make_unique<Passes>(*this, source, covariances, table, *here, options);
+    return x_passes.emplace(*this, source, covariances, table, *here, options);
   }
 
  private:
@@ -237,6 +237,7 @@ class DeviceBackend : public BackendBase {
   Array<Run> x_runs;
   std::array<Array<std::int32_t>, 2> x_pairs;
   Array<double> x_partials, x_sums;
+  std::optional<Passes> x_passes;
 };
 
 }  // namespace raceloc::gpu

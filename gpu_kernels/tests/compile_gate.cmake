@@ -1,7 +1,14 @@
 # Every kernel of ours must keep its values in registers: ptxas reports no stack frame (arrays indexed at run time land
-# there without counting as a spill) and no spill, on the oldest and on a newer architecture. CUB's kernels
+# there without counting as a spill) and no spill, on every architecture from 7.5 on that the compiler knows. CUB's kernels
 # (sort_scan.cu) are tuned by NVIDIA, one of them spills 4 bytes on sm_90: they are only compiled, by the build.
-foreach(arch 75 90)
+execute_process(COMMAND ${NVCC} --list-gpu-arch OUTPUT_VARIABLE known)
+string(REGEX MATCHALL "compute_[0-9]+" archs "${known}")
+list(TRANSFORM archs REPLACE "compute_" "")
+list(FILTER archs EXCLUDE REGEX "^([0-6].|7[0-4])$")
+if(NOT archs)
+  message(FATAL_ERROR "${NVCC} --list-gpu-arch names no architecture from 7.5 on:\n${known}")
+endif()
+foreach(arch ${archs})
   execute_process(COMMAND ${NVCC} ${FLAGS} -arch=sm_${arch} -cubin -Xptxas=-v ${SOURCE} -o ${OUTPUT}
                   OUTPUT_VARIABLE log ERROR_VARIABLE log RESULT_VARIABLE status)
   if(NOT status EQUAL 0)

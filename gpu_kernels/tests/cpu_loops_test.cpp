@@ -88,8 +88,8 @@ TEST(CpuLoops, GiveTheSamePose) {
       MatchOptions o;
       o.neighbour_voxels = around;
       const Transform guess = pose({0, 0.01, 0.03}, {0.2, 0.1, -0.1});
-      const Match here = gaussNewton(*reference.passes(source.view(), C.view(), table, nullptr, o), guess, o);
-      const Match there = gaussNewton(*other.passes(source.view(), C.view(), table, nullptr, o), guess, o);
+      const Match here = gaussNewton(reference.passes(source.view(), C.view(), table, nullptr, o), guess, o);
+      const Match there = gaussNewton(other.passes(source.view(), C.view(), table, nullptr, o), guess, o);
       EXPECT_GT(here.iterations, 2);
       EXPECT_EQ(here.iterations, there.iterations);
       EXPECT_EQ(here.T_map_source.R, there.T_map_source.R);

@@ -164,8 +164,8 @@ class EmulatedMatch : public ::testing::Test {
   Match matched(BackendBase& backend, const Transform& guess, const MatchOptions& o) {
     const auto mirror = backend.mirror();
     if (mirror) mirror->upload(x_table);
-    return gaussNewton(*backend.passes(x_source.view(), x_covariances.view(), x_table, mirror.get(), o),
-                       guess, o);
+    return gaussNewton(backend.passes(x_source.view(), x_covariances.view(), x_table, mirror.get(), o), guess,
+                       o);
   }
 
   std::unique_ptr<BackendBase> x_cpu = makeCpuBackend(1);

@@ -227,6 +227,25 @@ TEST_P(Matcher, GivesTheSameBitsTwice) {
   EXPECT_EQ(once.last.H, twice.last.H);
 }
 
+TEST_P(Matcher, MatchesManyGuessesAsEachAlone) {
+  const Points target = hall(4, 15000), source = hall(5, 3000);
+  const VoxelMap map = mapOf(target, 1.0);
+  const Covariances C = covariances(context(), source.view(), {});
+  const std::vector<Transform> guesses{
+      pose({0, 0.01, 0.03}, {0.2, 0.1, -0.1}), pose({0, 0, 1}, {500, 0, 0}), {}};
+  const auto all = matchAll(context(), source.view(), C.view(), map, guesses, {});
+  ASSERT_EQ(all.size(), guesses.size());
+  for (std::size_t i = 0; i < guesses.size(); ++i) {
+    const Match one = match(context(), source.view(), C.view(), map, guesses[i], {});
+    EXPECT_EQ(all[i].stop, one.stop);
+    EXPECT_EQ(all[i].T_map_source.R, one.T_map_source.R);
+    EXPECT_EQ(all[i].T_map_source.t, one.T_map_source.t);
+    EXPECT_EQ(all[i].last.H, one.last.H);
+  }
+  EXPECT_EQ(all[1].stop, Stop::too_few_inliers);
+  EXPECT_TRUE(matchAll(context(), source.view(), C.view(), map, {}, {}).empty());
+}
+
 TEST_P(Matcher, AgreesWithTheRealScanPair) {
   const auto pair = readScanPair(GK_SHARED_DATA);
   if (!pair) GTEST_SKIP() << "no scan pair in " << GK_SHARED_DATA;

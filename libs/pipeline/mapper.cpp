@@ -11,6 +11,7 @@
 #include "core/labels.h"
 #include "core/statistics.h"
 #include "odometry/scan_queue.h"
+#include "pipeline/device_watch.h"
 
 namespace raceloc {
 
@@ -197,10 +198,13 @@ BuiltMap buildMap(const std::string& log_path, const MapperOptions& options, con
   if (log.gps_labels != "*") requireDevice(summary, "gps", log.gps_labels);
   if (log.vehicle_labels != "*") requireDevice(summary, "vehicle", log.vehicle_labels);
 
-  gpu::Context context(options.matching.device.device, 0, options.matching.device.threads);
+  const DeviceOptions& device = options.matching.device;
+  gpu::Context context(device.device, 0, device.threads);
+  DeviceWatch watch(context, device.self_test_every_s);
   Survey survey(context, options);
   LogReader reader(log_path, log);
   while (auto sample = reader.next()) {
+    watch.at(stampOf(*sample));
     survey.add(std::move(*sample));
     progress(0.8 * reader.progress());
   }

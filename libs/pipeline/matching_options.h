@@ -21,6 +21,7 @@ namespace raceloc {
 struct DeviceOptions {
   gpu::Backend device = gpu::Backend::automatic;
   int threads = 2;
+  double self_test_every_s = 10;
   void describe(OptionList& keys);
 };
 

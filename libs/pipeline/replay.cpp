@@ -9,6 +9,7 @@
 #include "core/labels.h"
 #include "core/statistics.h"
 #include "pipeline/annotated_log.h"
+#include "pipeline/device_watch.h"
 
 namespace raceloc {
 
@@ -124,10 +125,10 @@ ReplayReport replay(const std::string& log_path, const std::string& map_path, co
 
   const DeviceOptions& device = options.localizer.matching.device;
   gpu::Context context(device.device, 0, device.threads);
+  DeviceWatch watch(context, device.self_test_every_s);
   Localizer localizer(context, map, options.localizer);
   LogReader reader(log_path, log, origin);
   ReplayReport report{};
-  report.device_reason = context.reason();
   report.first_s = summary.first_s;
   report.recorded_s = summary.last_s - summary.first_s;
   report.trajectory.origin = origin;
@@ -148,6 +149,7 @@ ReplayReport replay(const std::string& log_path, const std::string& map_path, co
       continue;
     }
     if (annotated) annotated->write(*sample);
+    watch.at(stampOf(*sample));
     const auto before = Clock::now();
     const auto outputs = localizer.add(*sample);
     const bool matched =
@@ -157,6 +159,7 @@ ReplayReport replay(const std::string& log_path, const std::string& map_path, co
   }
   hand(localizer.finish());
   tally.finish();
+  report.device_reason = context.reason();
   report.dropped_late = reader.droppedLate();
   report.start = localizer.startReport();
   report.passed_over = localizer.passedOver();

@@ -4,6 +4,7 @@
 #pragma once
 
 #include <array>
+#include <vector>
 
 #include "raceloc/gpu/context.h"
 #include "raceloc/gpu/nearest_target.h"
@@ -37,7 +38,7 @@ enum class Stop { converged, max_iterations, too_few_inliers, singular, not_fini
 
 struct Match {
   Transform T_map_source;
-  Linearization last;  ///< at T_map_source
+  Linearization last;  ///< at T_map_source; when converged, at the pose before the last step, which is short
   int iterations = 0;
   Stop stop = Stop::max_iterations;  ///< only `converged` is a success
 };
@@ -62,5 +63,11 @@ struct Match {
 [[nodiscard]] Match match(Context& context, const PointsView& source, const CovariancesView& covariances,
                           const NearestTarget& target, const Transform& T_target_source_guess,
                           const MatchOptions& options);
+
+/** match() from each of several guesses: points go to the device once. */
+[[nodiscard]] std::vector<Match> matchAll(Context& context, const PointsView& source,
+                                          const CovariancesView& covariances, const VoxelMap& map,
+                                          const std::vector<Transform>& T_map_source_guesses,
+                                          const MatchOptions& options);
 
 }  // namespace raceloc::gpu

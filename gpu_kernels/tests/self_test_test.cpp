@@ -1,0 +1,105 @@
+/** \file
+ * The self-test of a device, on devices with defects. */
+#include "api/self_test.hpp"
+
+#include <gtest/gtest.h>
+
+#include <functional>
+#include <limits>
+
+#include "tests/emu/emulated_machine.hpp"
+
+namespace raceloc::gpu::test {
+namespace {
+
+/** The CPU's backend with a defect in what it gives back. */
+class Faulty : public BackendBase {
+ public:
+  std::function<void(Points&)> in_grid = [](Points&) {};
+  std::function<void(Covariances&)> in_covariances = [](Covariances&) {};
+  std::function<void(Pass&)> in_pass = [](Pass&) {};
+
+  [[nodiscard]] Backend kind() const override { return Backend::cuda; }
+  [[nodiscard]] std::string description() const override { return "faulty"; }
+  Points voxelGrid(const PointsView& points, double voxel_size_m, std::size_t& dropped) override {
+    Points out = x_cpu->voxelGrid(points, voxel_size_m, dropped);
+    in_grid(out);
+    return out;
+  }
+  Covariances covariances(const PointsView& points, const CovarianceOptions& options) override {
+    Covariances out = x_cpu->covariances(points, options);
+    in_covariances(out);
+    return out;
+  }
+  std::unique_ptr<MapMirror> mirror() override { return nullptr; }
+  PassRunner& passes(const PointsView& source, const CovariancesView& covariances, const VoxelTable& table,
+                     const MapMirror* mirror, const MatchOptions& options) override {
+    x_passes.faulty = this;
+    x_passes.inner = &x_cpu->passes(source, covariances, table, mirror, options);
+    return x_passes;
+  }
+
+ private:
+  struct Passes : PassRunner {
+    Pass run(const Transform& T) override {
+      Pass pass = inner->run(T);
+      faulty->in_pass(pass);
+      return pass;
+    }
+    void freeze() override { inner->freeze(); }
+    Faulty* faulty = nullptr;
+    PassRunner* inner = nullptr;
+  };
+  std::unique_ptr<BackendBase> x_cpu = makeCpuBackend(1);
+  Passes x_passes;
+};
+
+TEST(SelfTest, PassesWhatIsRight) {
+  Faulty right;
+  EXPECT_EQ(selfTest(right), "");
+  DeviceBackend<emu::Machine> emulated(1);
+  EXPECT_EQ(selfTest(emulated), "");
+}
+
+std::string verdictOn(const std::function<void(Faulty&)>& spoil) {
+  Faulty faulty;
+  spoil(faulty);
+  return selfTest(faulty);
+}
+
+TEST(SelfTest, SeesAWrongVoxelGrid) {
+  EXPECT_NE(verdictOn([](Faulty& f) { f.in_grid = [](Points& p) { p.x[7] += 1e-5F; }; }).find("voxel grid"),
+            std::string::npos);
+}
+
+TEST(SelfTest, SeesWrongCovariances) {
+  EXPECT_NE(verdictOn([](Faulty& f) {
+              f.in_covariances = [](Covariances& C) { C.yz[100] = std::numeric_limits<float>::quiet_NaN(); };
+            }).find("covariances differ"),
+            std::string::npos);
+  EXPECT_NE(verdictOn([](Faulty& f) {
+              f.in_covariances = [](Covariances& C) { ++C.neighbours[3]; };
+            }).find("neighbours"),
+            std::string::npos);
+}
+
+TEST(SelfTest, SeesTheGuessComingBack) {
+  const std::string verdict = verdictOn([](Faulty& f) {
+    f.in_pass = [](Pass& pass) {
+      for (std::size_t k = kB; k < kB + 6; ++k) pass.sums[k] = 0;  // no gradient: converged at once
+    };
+  });
+  EXPECT_NE(verdict.find("gives the guess back"), std::string::npos) << verdict;
+}
+
+TEST(SelfTest, SeesAWrongOrUndefinedPose) {
+  const auto withGradient = [](double factor) {
+    return verdictOn(
+        [factor](Faulty& f) { f.in_pass = [factor](Pass& pass) { pass.sums[kHtt] *= factor; }; });
+  };
+  EXPECT_NE(withGradient(std::nan("")), "");
+  EXPECT_NE(verdictOn([](Faulty& f) { f.in_pass = [](Pass& pass) { pass.sums[kB + 3] += 500; }; }), "");
+}
+
+}  // namespace
+}  // namespace raceloc::gpu::test
