@@ -5,7 +5,7 @@
 #include <vector>
 
 #include "core/voxel_hash.hpp"
-#include "cpu/kd_tree.hpp"
+#include "cpu/box_tree.hpp"
 #include "raceloc/gpu/nearest_target.h"
 
 namespace raceloc::gpu {
@@ -15,12 +15,12 @@ class NearestTarget::Storage {
   Storage(const PointsView& points, const CovariancesView& covariances);
 
   [[nodiscard]] const std::vector<VoxelRecord>& records() const { return x_records; }
-  [[nodiscard]] KdTreeView tree() const { return x_tree.view(); }
+  [[nodiscard]] BoxTreeView tree() const { return x_tree.view(); }
   [[nodiscard]] std::size_t dropped() const { return x_dropped; }
 
  private:
   std::vector<VoxelRecord> x_records;  ///< of the points taken; the offset is the point, the cell (0, 0, 0)
-  KdTree x_tree;
+  BoxTree x_tree;
   std::size_t x_dropped = 0;
 };
 

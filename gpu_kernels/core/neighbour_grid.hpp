@@ -45,15 +45,33 @@ struct NeighbourGrid {
     grid.cell_m =
         static_cast<double>(radius_m) * (1 + 1e-6);  // rounding must not put neighbours two cells apart
     if (p.size == 0) return grid;
-    const auto [x_low, x_high] = std::minmax_element(p.x, p.x + p.size);
-    const auto [y_low, y_high] = std::minmax_element(p.y, p.y + p.size);
-    const auto [z_low, z_high] = std::minmax_element(p.z, p.z + p.size);
-    const Cell low = grid.cell(*x_low, *y_low, *z_low), high = grid.cell(*x_high, *y_high, *z_high);
+    const Range x = rangeOf(p.x, p.size), y = rangeOf(p.y, p.size), z = rangeOf(p.z, p.size);
+    const Cell low = grid.cell(x.low, y.low, z.low), high = grid.cell(x.high, y.high, z.high);
     grid.layout = KeyLayout::of({low.x - 1, low.y - 1, low.z - 1}, {high.x + 1, high.y + 1, high.z + 1});
     return grid;
   }
 
  private:
+  struct Range {
+    float low, high;
+  };
+
+  /** Eight running ranges, which a compiler makes vectors of. */
+  static Range rangeOf(const float* v, std::size_t n) {
+    constexpr std::size_t lanes = 8;
+    float low[lanes], high[lanes];
+    for (std::size_t k = 0; k < lanes; ++k) low[k] = high[k] = v[0];
+    const auto take = [&](std::size_t i, std::size_t k) {
+      low[k] = v[i] < low[k] ? v[i] : low[k];
+      high[k] = v[i] > high[k] ? v[i] : high[k];
+    };
+    std::size_t i = 0;
+    for (; i + lanes <= n; i += lanes)
+      for (std::size_t k = 0; k < lanes; ++k) take(i + k, k);
+    for (; i < n; ++i) take(i, 0);
+    return {*std::min_element(low, low + lanes), *std::max_element(high, high + lanes)};
+  }
+
   static RACELOC_HD std::int32_t clamped(double index) {
     constexpr double limit = kCellLimit - 2;  // with the ring, still 21 bits
     return floorToInt(index < -limit ? -limit : (index > limit ? limit : index));

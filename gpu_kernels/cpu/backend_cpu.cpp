@@ -26,7 +26,7 @@ void resize(Covariances& C, std::size_t n) {
 }
 
 /** Points of a piece of work that has a loop of its own. */
-constexpr std::size_t kPiece = 4096;
+constexpr std::size_t kPiece = 1024;
 
 /** Cells of a piece: a few hundred points. */
 constexpr std::size_t kCellPiece = 64;
@@ -42,7 +42,8 @@ constexpr std::size_t kCellsOfRow = 3;
 
 /** What the passes work in; the backend keeps it from call to call. */
 struct PassBuffers {
-  std::vector<std::int32_t> fresh, frozen;
+  std::vector<std::int32_t> fresh, frozen, nearest;
+  std::vector<float> others_m;
   std::vector<std::array<double, kSums>> of_block;
 };
 
@@ -72,14 +73,20 @@ class CpuPasses : public PassRunner {
                   (options.neighbour_voxels = 1, options)) {
     x_tree = target.tree();
     x_job.tree = &x_tree;
+    buffers.nearest.resize(source.size + kPadding);
+    buffers.others_m.resize(source.size + kPadding);
+    x_job.nearest = buffers.nearest.data();
+    x_job.others_m = buffers.others_m.data();
   }
 
   Pass run(const Transform& T_map_source) override {
+    x_before = x_job.setup;
     x_job.setup = passSetup(T_map_source, x_voxel_size_m, x_options);
     x_job.fresh = x_buffers.fresh.data();
     x_workers.forPieces(x_job.points.size, kPassBlock, [&](std::size_t first, std::size_t last, int) {
       x_loops.pass(x_job, first, last, x_buffers.of_block[first / kPassBlock].data());
     });
+    x_job.before = &x_before;
     Pass pass;
     for (const auto& sums : x_buffers.of_block)
       for (std::size_t k = 0; k < kSums; ++k) pass.sums[k] += sums[k];
@@ -97,7 +104,8 @@ class CpuPasses : public PassRunner {
   PassBuffers& x_buffers;
   double x_voxel_size_m;
   MatchOptions x_options;
-  KdTreeView x_tree{};
+  BoxTreeView x_tree{};
+  PassSetup x_before{};
   PassJob x_job{};
 };
 
@@ -358,7 +366,7 @@ class CpuBackend : public BackendBase {
   std::vector<std::uint64_t> x_keys;
   std::array<std::vector<float>, 3> x_sorted;
   std::vector<Run> x_runs;
-  KdTree x_tree;
+  BoxTree x_tree;
   std::vector<float> x_scratch;
 };
 

@@ -24,6 +24,7 @@ inline constexpr int kWidth = 4;
 
 /** The loops work on groups of this many lanes, whatever the width: sums over them have one order. */
 inline constexpr int kLanes = 16;
+inline constexpr int kParts = kLanes / kWidth;
 
 using Floats = float __attribute__((vector_size(4 * kWidth)));
 using Ints = std::int32_t __attribute__((vector_size(4 * kWidth)));
@@ -79,6 +80,30 @@ RACELOC_HD F select(const M& condition, const F& yes, const F& no) {
   return wrapped(condition.v ? yes.v : no.v);
 }
 
+RACELOC_HD F larger(const F& a, const F& b) {
+#if defined(__AVX512F__)
+  return wrapped(_mm512_maskz_max_ps(0xFFFF, a.v, b.v));  // without a mask, GCC 12 warns of its own header
+#elif defined(__AVX2__)
+  return wrapped(_mm256_max_ps(a.v, b.v));
+#elif defined(__SSE2__)
+  return wrapped(_mm_max_ps(a.v, b.v));
+#else
+  return select(a > b, a, b);
+#endif
+}
+
+RACELOC_HD F smaller(const F& a, const F& b) {
+#if defined(__AVX512F__)
+  return wrapped(_mm512_maskz_min_ps(0xFFFF, a.v, b.v));
+#elif defined(__AVX2__)
+  return wrapped(_mm256_min_ps(a.v, b.v));
+#elif defined(__SSE2__)
+  return wrapped(_mm_min_ps(a.v, b.v));
+#else
+  return select(a < b, a, b);
+#endif
+}
+
 /** Bit k is lane k. */
 RACELOC_HD unsigned lanesOf(const M& m) {
 #if defined(__AVX512F__)
@@ -96,7 +121,7 @@ RACELOC_HD unsigned lanesOf(const M& m) {
 
 RACELOC_HD F squareRoot(const F& x) {
 #if defined(__AVX512F__)
-  return wrapped(_mm512_maskz_sqrt_ps(0xFFFF, x.v));  // without a mask, GCC 12 warns of its own header
+  return wrapped(_mm512_maskz_sqrt_ps(0xFFFF, x.v));
 #elif defined(__AVX2__)
   return wrapped(_mm256_sqrt_ps(x.v));
 #elif defined(__SSE2__)

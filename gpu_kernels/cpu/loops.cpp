@@ -4,14 +4,12 @@
 #include "cpu/loops.hpp"
 
 #include "core/weight.hpp"
-#include "cpu/kd_search.hpp"
+#include "cpu/box_search.hpp"
 #include "cpu/lanes.hpp"
 
 namespace raceloc::gpu::GK_ISA {
 
 namespace {
-
-constexpr int kParts = kLanes / kWidth;
 
 /** Sum of 16 floats as a tree. */
 RACELOC_HD float sumOfLanes(const float* a) {
@@ -203,6 +201,8 @@ struct Setup {
   Vec3<F> t_m;
   F voxel_m, voxels_per_m;
 
+  RACELOC_HD Vec3<F> moved(const Vec3<F>& p) const { return R * p + t_m; }
+
   RACELOC_HD Whitened<F> pair(const Source& source, const Gaussians& g, int at) const {
     const auto row = [&](int r) { return load(&g.rows[r][at]); };
     const auto centre = [&](int axis, std::int32_t anchor) {
@@ -219,8 +219,9 @@ struct Setup {
 /** A group of 16 points. The scalar twin of this is passPoint(). */
 class PassGroup {
  public:
-  PassGroup(const PassJob& job, const Setup& setup, F (*sums)[kSums])
-      : x_job(job), x_setup(setup), x_sums(sums) {}
+  /** \param before of the pass before, null in the first */
+  PassGroup(const PassJob& job, const Setup& setup, const Setup* before, F (*sums)[kSums])
+      : x_job(job), x_setup(setup), x_before(before), x_sums(sums) {}
 
   void run(std::size_t first, int count) {
     x_first = first;
@@ -284,7 +285,7 @@ class PassGroup {
     constexpr auto limit = static_cast<float>(2 * kCellLimit);
     for (int at = 0; at < kLanes; at += kWidth) {
       const Vec3<F> p{load(&x_source[0][at]), load(&x_source[1][at]), load(&x_source[2][at])};
-      const Vec3<F> q = x_setup.voxels_per_m * (x_setup.R * p + x_setup.t_m);
+      const Vec3<F> q = x_setup.voxels_per_m * x_setup.moved(p);
       const M somewhere =
           (absolute(q.x) < F(limit)) & (absolute(q.y) < F(limit)) & (absolute(q.z) < F(limit));  // not NaN
       const Vec3<F> safe = select(somewhere, q, Vec3<F>{F(0), F(0), F(0)});
@@ -316,32 +317,77 @@ class PassGroup {
     x_gaussians.gather(x_job.map);
   }
 
-  /** From the pair that was frozen, which is mostly the nearest again, and from the pair of the point before,
-   * which is mostly close: their distances bound the search. */
+  /** A point that has moved by less than what its nearest record is nearer than all others keeps it; only the
+   * rest search. \return the lanes that know, without a search, their record: x_gaussians, or that there is none */
+  unsigned keepNearest() {
+    std::int32_t* nearest = x_job.nearest + x_first;
+    float* others_m = x_job.others_m + x_first;
+    for (int lane = 0; lane < kLanes; ++lane) x_gaussians.record[lane] = lane < x_count ? nearest[lane] : -1;
+    x_gaussians.gather(x_job.map);
+    const F squared_reach_m2(x_setup.setup.squared_max_distance_m2);
+    // What is compared are distances in floats, each exact to a few units in the last place.
+    const F more(1 + 1e-6F), less(1 - 1e-6F);
+    unsigned sure = 0;
+    for (int part = 0; part < kParts; ++part) {
+      const int at = part * kWidth;
+      const auto row = [&](int r) { return load(&x_gaussians.rows[r][at]); };
+      const Vec3<F> q{load(&x_moved[0][at]), load(&x_moved[1][at]), load(&x_moved[2][at])};
+      const Vec3<F> step =
+          q - x_before->moved({load(&x_source[0][at]), load(&x_source[1][at]), load(&x_source[2][at])});
+      const Vec3<F> d = Vec3<F>{row(0), row(1), row(2)} - q;
+      const F squared_m2 = dot(d, d),
+              left_m = less * load(others_m + at) - more * squareRoot(dot(step, step));
+      const Ints record = loadInts(&x_gaussians.record[at]);
+      const M some{record >= 0};
+      sure |= lanesOf(more * squareRoot(select(some, squared_m2, squared_reach_m2)) < left_m) << at;
+      store(others_m + at, left_m);
+      storeInts(&x_gaussians.record[at], squared_m2.v <= squared_reach_m2.v ? record : Ints{} - 1);
+    }
+    return sure;
+  }
+
   void findNearest() {
     for (int at = 0; at < kLanes; at += kWidth) {
-      const Vec3<F> p{load(&x_source[0][at]), load(&x_source[1][at]), load(&x_source[2][at])};
-      const Vec3<F> q = x_setup.R * p + x_setup.t_m;
+      const Vec3<F> q =
+          x_setup.moved({load(&x_source[0][at]), load(&x_source[1][at]), load(&x_source[2][at])});
       store(&x_moved[0][at], q.x), store(&x_moved[1][at], q.y), store(&x_moved[2][at], q.z);
     }
+    unsigned searching = (1U << x_count) - 1;
+    if (x_before != nullptr) {
+      searching &= ~keepNearest();
+      if (searching == 0) return;
+    } else {
+      for (std::int32_t& record : x_gaussians.record) record = -1;
+    }
     std::int32_t last = -1;
-    for (int lane = 0; lane < kLanes; ++lane) {
-      x_gaussians.record[lane] = -1;
-      if (lane >= x_count || x_cell[0][lane] == kNowhere) continue;
-      const Vec3<float> q{x_moved[0][lane], x_moved[1][lane], x_moved[2][lane]};
-      Neighbour best{x_setup.setup.squared_max_distance_m2, INT32_MAX};
+    for (; searching != 0; searching &= searching - 1) {
+      const int lane = __builtin_ctz(searching);
+      search(lane, last);
+    }
+    x_gaussians.gather(x_job.map);
+  }
+
+  /** From a point's last pair and that of the point before it: their distances bound the search. */
+  void search(int lane, std::int32_t& last) {
+    const std::size_t i = x_first + static_cast<std::size_t>(lane);
+    const Vec3<float> q{x_moved[0][lane], x_moved[1][lane], x_moved[2][lane]};
+    Neighbour best{x_setup.setup.squared_max_distance_m2, INT32_MAX};
+    float others_m2 = 0;
+    if (x_cell[0][lane] != kNowhere) {
       const auto consider = [&](std::int32_t record) {
         if (record < 0) return;
         const Vec3<float> d = x_job.map.records[record].offset_m - q;
         const Neighbour candidate{dot(d, d), record};
         if (nearer(candidate, best)) best = candidate;
       };
-      if (x_job.frozen != nullptr) consider(x_job.frozen[x_first + static_cast<std::size_t>(lane)]);
+      if (x_before != nullptr) consider(x_job.nearest[i]);
       consider(last);
-      best = nearest(*x_job.tree, q, best);
-      if (best.index != INT32_MAX) x_gaussians.record[lane] = last = best.index;
+      best = nearest(*x_job.tree, q, best, others_m2);
     }
-    x_gaussians.gather(x_job.map);
+    const std::int32_t record = best.index == INT32_MAX ? -1 : best.index;
+    if (record >= 0) last = record;
+    x_gaussians.record[lane] = x_job.nearest[i] = record;
+    x_job.others_m[i] = gpu::squareRoot(others_m2);
   }
 
   void addFrozen(const std::int32_t* frozen, const std::int32_t* taken, const F* squared) {
@@ -362,6 +408,7 @@ class PassGroup {
   static constexpr std::int32_t kNowhere = -4 * kCellLimit;  ///< outside any map
   const PassJob& x_job;
   const Setup& x_setup;
+  const Setup* x_before;
   F (*x_sums)[kSums];
   std::size_t x_first = 0;
   int x_count = 0;
@@ -373,8 +420,8 @@ class PassGroup {
 
 void pass(const PassJob& job, std::size_t first, std::size_t last, double* sums) {
   F lanes[kParts][kSums] = {};
-  const Setup setup(job.setup);
-  PassGroup group(job, setup, lanes);
+  const Setup setup(job.setup), before(job.before != nullptr ? *job.before : job.setup);
+  PassGroup group(job, setup, job.before != nullptr ? &before : nullptr, lanes);
   for (std::size_t i = first; i < last; i += kLanes)
     group.run(i, static_cast<int>(last - i < kLanes ? last - i : kLanes));
   for (int s = 0; s < kSums; ++s) {

@@ -8,7 +8,7 @@
 
 #include "core/factor.hpp"
 #include "core/neighbour_grid.hpp"
-#include "cpu/kd_tree.hpp"
+#include "cpu/box_tree.hpp"
 #include "raceloc/gpu/covariance.h"
 #include "raceloc/gpu/types.h"
 
@@ -31,7 +31,7 @@ struct CovarianceJob {
 /** Covariances of k nearest neighbours, all of weight 1. */
 struct NearestCovarianceJob {
   PointsView points;
-  KdTreeView tree;  ///< over the same points
+  BoxTreeView tree;  ///< over the same points
   CovarianceOptions options;
   CovariancesOut out;
 };
@@ -41,9 +41,13 @@ struct PassJob {
   PointsView points;
   CovariancesView covariances;
   VoxelMapView map;
-  const KdTreeView* tree;  ///< null: a point's pairs are voxels; else the nearest of the map's records, which
-                           ///< are those of the tree's points
+  const BoxTreeView*
+      tree;  ///< null: a point's pairs are voxels; else the nearest of the map's records, which
+             ///< are those of the tree's points
   PassSetup setup;
+  const PassSetup* before;  ///< of the pass before, null in the first; of no use without a tree
+  std::int32_t* nearest;    ///< with a tree: record of each point at the pass before, -1 without one; padded
+  float* others_m;          ///< with a tree: no other record was nearer than this; padded
   const std::int32_t* frozen;  ///< may be null
   std::int32_t* fresh;         ///< pair k of point i at k * points.size + i
 };

@@ -2,6 +2,7 @@
  * Stable sort of (key, index) by the low bits of the key, least significant digit first. */
 #pragma once
 
+#include <algorithm>
 #include <cstdint>
 #include <utility>
 #include <vector>
@@ -25,6 +26,9 @@ struct NarrowItem {
   }
 };
 
+/** Items that a worker sorts in less time than it takes to wake another. */
+inline constexpr std::size_t kLeastPiece = 8192;
+
 /** Sorts `items` by the lowest `bits` of their keys, in as few rounds as digits of 11 bits need; `scratch` and
  * `places` are overwritten. Each worker has a piece, and writes to places of its own. */
 template <class Item>
@@ -36,7 +40,7 @@ void radixSort(std::vector<Item>& items, std::vector<Item>& scratch, int bits, W
   const int digit_bits = (bits + rounds - 1) / rounds;
   const std::uint32_t digits = 1U << digit_bits;
   const auto threads = static_cast<std::size_t>(workers.threads());
-  const std::size_t piece = (items.size() + threads - 1) / threads;
+  const std::size_t piece = std::max(kLeastPiece, (items.size() + threads - 1) / threads);
   scratch.resize(items.size());
   for (int round = 0; round < rounds; ++round) {
     const int shift = round * digit_bits;

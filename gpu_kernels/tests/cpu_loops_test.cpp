@@ -1,5 +1,6 @@
 /** \file
  * One input, one answer: whatever the instruction set and the number of threads. */
+#include "api/nearest_storage.hpp"
 #include "api/voxel_table.hpp"
 #include "core/se3_lm.hpp"
 #include "cpu/loops.hpp"
@@ -75,6 +76,33 @@ TEST(CpuLoops, GiveTheSameCovariances) {
       o.polynomial_degree = 3;
       expectSame(reference.covariances(p.view(), o), other.covariances(p.view(), o));
     }
+  });
+}
+
+/** A pass keeps the pairs that cannot have changed since the pass before, and searches the rest. */
+TEST(CpuLoops, FindTheNearestWhateverThePassBefore) {
+  const Points target = scan(6), source = withBadPoints(hall(7, 7001));
+  const Covariances C = randomCovariances(5, source.size());
+  const NearestTarget nearest(target.view(), randomCovariances(8, target.size()).view());
+  MatchOptions o;
+  o.max_distance_m = 0.3;
+  std::vector<Transform> path{pose({0, 0.01, 0.03}, {0.2, 0.1, -0.1})};
+  // Back and forth, still, a hair, far away from everything and back.
+  for (const double step_m : {0.3, -0.1, 0.02, 0.0, 1e-3, 1e-6, -0.004, 900.0, -900.0, 0.01})
+    path.push_back(path.back() *
+                   pose({0, 0, step_m < 1 ? 0.1 * step_m : 0}, {step_m, -step_m / 2, step_m / 3}));
+  Transform broken;
+  broken.t[0] = std::nan("");
+  path.insert(path.begin() + 4, broken);
+  forAllBackends([&](BackendBase& reference, BackendBase& other) {
+    PassRunner& on_the_way = other.nearestPasses(source.view(), C.view(), nearest.storage(), o);
+    double pairs = 0;
+    for (const Transform& T : path) {
+      const Pass fresh = reference.nearestPasses(source.view(), C.view(), nearest.storage(), o).run(T);
+      EXPECT_EQ(on_the_way.run(T).sums, fresh.sums);
+      pairs += fresh.sums[kPairs];
+    }
+    EXPECT_GT(pairs, 10000);
   });
 }
 
