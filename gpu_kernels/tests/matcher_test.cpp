@@ -203,6 +203,44 @@ TEST_P(Matcher, MovesWithBothClouds) {
   EXPECT_LT(angle_rad(there.T_map_source, A * here.T_map_source * B), 0.1 * kDegree);
 }
 
+TEST_P(Matcher, InvertsWhenTheCloudsAreSwapped) {
+  const Points a = hall(4, 12000), b = applied(pose({0, 0, 0.05}, {0.2, 0.1, 0.05}), hall(5, 12000));
+  const Match forth = matched(a, mapOf(b, 1.0), {}), back = matched(b, mapOf(a, 1.0), {});
+  EXPECT_EQ(forth.stop, Stop::converged);
+  EXPECT_EQ(back.stop, Stop::converged);
+  EXPECT_LT(distance_m(forth.T_map_source, inverse(back.T_map_source)), 0.02);  // other voxels, same hall
+  EXPECT_LT(angle_rad(forth.T_map_source, inverse(back.T_map_source)), 0.1 * kDegree);
+}
+
+/** All lengths doubled, which is exact in binary: covariances are 4 times as large, and the answer twice as far. */
+TEST_P(Matcher, ScalesWithBothClouds) {
+  Points target = hall(4, 15000), source = hall(5, 6000);
+  Match match[2];
+  for (const double scale : {1.0, 2.0}) {
+    CovarianceOptions c;
+    c.regularisation = Regularisation::min_eig;  // plane's variances have no scale
+    MatchOptions o;
+    o.max_distance_m *= scale;
+    o.translation_epsilon_m *= scale;
+    for (float* length_m : {&c.radius_m, &c.laplacian_sigma_m}) *length_m *= static_cast<float>(scale);
+    VoxelMap map(context(), scale);
+    map.insert(target.view(), covariances(context(), target.view(), c).view(), {});
+    const Transform guess = pose({0, 0.01, 0.03}, {0.2 * scale, 0.1 * scale, -0.1 * scale});
+    match[scale == 2 ? 1 : 0] = raceloc::gpu::match(
+        context(), source.view(), covariances(context(), source.view(), c).view(), map, guess, o);
+    for (Points* p : {&target, &source})
+      for (auto* axis : {&p->x, &p->y, &p->z})
+        for (float& v : *axis) v *= 2;
+  }
+  EXPECT_EQ(match[0].stop, Stop::converged);
+  EXPECT_EQ(match[1].stop, Stop::converged);
+  EXPECT_EQ(match[0].iterations, match[1].iterations);
+  Transform twice = match[0].T_map_source;
+  for (double& t : twice.t) t *= 2;
+  EXPECT_LT(distance_m(match[1].T_map_source, twice), 1e-5);  // sums of floats in units of their own
+  EXPECT_LT(angle_rad(match[1].T_map_source, twice), 1e-5);
+}
+
 TEST_P(Matcher, IsAsExactFarFromTheOrigin) {  // a whole number of voxels away: the same problem
   const Points target = hall(4, 15000), source = hall(5, 6000);
   const Covariances C = covariances(context(), target.view(), {});

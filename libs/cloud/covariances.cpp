@@ -23,6 +23,13 @@ Pose toPose(const gpu::Transform& transform) {
 }
 
 void CovarianceOptions::describe(OptionList& keys) {
+  keys.add(
+      "neighbourhood", neighbourhood,
+      {{"radius", gpu::Neighbourhood::radius}, {"nearest", gpu::Neighbourhood::nearest}},
+      "radius: all points within radius_m, weighted by the kernel; nearest: so many nearest points, all of "
+      "weight 1, as in plain GICP, for comparison and on the CPU only");
+  keys.add("nearest", nearest, between(4, gpu::kMostNearest),
+           "of neighbourhood nearest, the point itself included");
   keys.add("kernel", kernel,
            {{"rbf", gpu::Weight::rbf},
             {"gaussian", gpu::Weight::gaussian},
@@ -36,7 +43,8 @@ void CovarianceOptions::describe(OptionList& keys) {
        {"min_eig", gpu::Regularisation::min_eig},
        {"none", gpu::Regularisation::none}},
       "plane: eigenvalues plane_epsilon, 1, 1 as in GICP; min_eig: at least plane_epsilon times the largest");
-  keys.add("radius_m", radius_m, above(0), "neighbours are within this distance, two voxels of the thinned scan or a little more [m]");
+  keys.add("radius_m", radius_m, above(0),
+           "neighbours are within this distance, two voxels of the thinned scan or a little more [m]");
   keys.add("rbf_gamma_per_m2", rbf_gamma_per_m2, above(0), "rbf: exp(-gamma d^2) [1/m^2]");
   keys.add("gaussian_sigma_m", gaussian_sigma_m, above(0), "gaussian: exp(-d^2 / (2 sigma^2)) [m]");
   keys.add("laplacian_sigma_m", laplacian_sigma_m, above(0), "laplacian: exp(-d / sigma) [m]");
@@ -52,6 +60,8 @@ void CovarianceOptions::describe(OptionList& keys) {
 
 gpu::CovarianceOptions CovarianceOptions::forKernels() const {
   gpu::CovarianceOptions o;
+  o.neighbourhood = neighbourhood;
+  o.nearest = nearest;
   o.weight = kernel;
   o.regularisation = regularisation;
   o.radius_m = static_cast<float>(radius_m);

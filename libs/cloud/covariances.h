@@ -22,6 +22,8 @@ struct CovarianceCloud {
 /** Section [covariance]: the kernel that weighs the neighbours of a point (paper, table of kernel
  * descriptors). */
 struct CovarianceOptions {
+  gpu::Neighbourhood neighbourhood = gpu::Neighbourhood::radius;
+  int nearest = 10;
   gpu::Weight kernel = gpu::Weight::laplacian;
   gpu::Regularisation regularisation = gpu::Regularisation::plane;
   double radius_m = 1.0;

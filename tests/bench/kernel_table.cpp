@@ -20,10 +20,8 @@ struct KernelErrors {
 };
 
 /** Scan to scan; guessed as the motion found before, at first as the true one. */
-KernelErrors errorsOf(gpu::Weight kernel, const KittiSequence& sequence) {
+KernelErrors errorsOf(CovarianceOptions covariance, const KittiSequence& sequence) {
   gpu::Context context(gpu::Backend::cpu);
-  CovarianceOptions covariance;
-  covariance.kernel = kernel;
   const double scale =
       2 * kLeaf_m / covariance.radius_m;  // the defaults are for two voxels of the thinned scan
   for (double* length_m : {&covariance.radius_m, &covariance.gaussian_sigma_m, &covariance.laplacian_sigma_m,
@@ -60,13 +58,22 @@ void run() {
       << number(kLeaf_m, 1) << " m, options at their defaults.\n\n"
       << "| kernel | rotation [deg]: rmse | mean | median | std | translation [m]: rmse | not converged "
          "|\n|---|---|---|---|---|---|---|\n";
-  const std::vector<std::pair<std::string, gpu::Weight>> kernels{{"polynomial", gpu::Weight::polynomial},
-                                                                 {"hist", gpu::Weight::hist},
-                                                                 {"gaussian", gpu::Weight::gaussian},
-                                                                 {"rbf", gpu::Weight::rbf},
-                                                                 {"laplacian", gpu::Weight::laplacian}};
-  for (const auto& [name, kernel] : kernels) {
-    const KernelErrors errors = errorsOf(kernel, sequence);
+  const auto kernel = [](gpu::Weight weight) {
+    CovarianceOptions o;
+    o.kernel = weight;
+    return o;
+  };
+  CovarianceOptions nearest;
+  nearest.neighbourhood = gpu::Neighbourhood::nearest;
+  const std::vector<std::pair<std::string, CovarianceOptions>> rows{
+      {"polynomial", kernel(gpu::Weight::polynomial)},
+      {"hist", kernel(gpu::Weight::hist)},
+      {"gaussian", kernel(gpu::Weight::gaussian)},
+      {"rbf", kernel(gpu::Weight::rbf)},
+      {"laplacian", kernel(gpu::Weight::laplacian)},
+      {"none, " + std::to_string(nearest.nearest) + " nearest", nearest}};
+  for (const auto& [name, covariance] : rows) {
+    const KernelErrors errors = errorsOf(covariance, sequence);
     const Statistics rotation = statisticsOf(errors.rotation_deg);
     std::cout << "| " << name << " | " << number(rotation.rmse, 4) << " | " << number(rotation.mean, 4)
               << " | " << number(rotation.median, 4) << " | " << number(rotation.std, 4) << " | "
