@@ -15,6 +15,7 @@ constexpr char kHelp[] = R"(NAME
 
 SYNOPSIS
   raceloc-live -c INI -m MAP.rlmap -i RACE.rawlog [-o ANNOTATED.rawlog] [--trajectory RACE.tum]
+  raceloc-live -c INI --odometry-only -i RACE.rawlog --trajectory ODOMETRY.tum
 
 DESCRIPTION
   Plays a log through the localizer, as fast as it goes: each LiDAR sweep is de-skewed and matched against
@@ -23,10 +24,13 @@ DESCRIPTION
   CObservationRobotPose with covariance and as the only odometry, the gate's numbers as CObservationRawDAQ
   labelled gate, and at each sweep a CObservation3DScene with car, scan, sources and verdicts.
   A GPS fix with a heading says where to look for the car, and a scan match there starts the filter.
+  With --odometry-only there is no map and no GPS: LiDAR, IMU, wheel speed and steering alone, in the frame of the
+  first scan; it also tells what it learnt of the sensors' errors.
 
 EXAMPLES
   raceloc-live -c ini/live.ini -m monza.rlmap -i race.rawlog -o out.rawlog --trajectory race.tum
   raceloc-live -c ini/live.ini -m monza.rlmap -i race.rawlog --disable 'gps_*' --trajectory lidar_only.tum
+  raceloc-live -c ini/live.ini --odometry-only -i race.rawlog --trajectory odometry.tum
   raceloc-live --print-ini > my_live.ini     every key with its meaning, range and default
 
 EXIT STATUS
@@ -47,6 +51,7 @@ void print(const ReplayReport& r) {
     std::printf("dropped          %zu samples, late beyond the window or not finite\n", r.dropped_late);
   if (r.passed_over > 0)
     std::printf("passed over      %zu sweeps, not later than the one before\n", r.passed_over);
+  printFaults(r.faults);
   if (r.without_wheels > 0)
     std::printf("DEGRADED         %zu outputs without speed and yaw rate: the last ones went on\n",
                 r.without_wheels);
@@ -64,6 +69,36 @@ void print(const ReplayReport& r) {
   std::printf("scan to pose     %.1f ms median, %.1f ms p99\n", 1e3 * r.match_median_s, 1e3 * r.match_p99_s);
 }
 
+void print(const OdometryReport& r) {
+  std::printf("device           %s\n", r.device_reason.c_str());
+  std::printf("recording        %.1f s, %.0f m, %zu scans (%zu trusted, %zu de-skewed by wheel speed)\n",
+              r.recorded_s, r.length_m, r.scans, r.trusted_scans, r.scans_by_wheels);
+  printFaults(r.faults);
+  if (r.passed_over > 0)
+    std::printf("passed over      %zu scans, not later than the one before\n", r.passed_over);
+  if (r.restarts > 0) std::printf("LOST             %zu times for good, and began anew\n", r.restarts);
+  if (r.dropped_late > 0)
+    std::printf("dropped          %zu samples, late beyond the window or not finite\n", r.dropped_late);
+  const auto learnt = [&](const char* what, int k, double per_unit, const char* unit) {
+    std::printf("%-16s %.4f +- %.4f %s\n", what, r.calibration(k) / per_unit,
+                r.calibration_sigma(k) / per_unit, unit);
+  };
+  learnt("gyro bias x", kGyroBiasX, kDegree, "deg/s");
+  learnt("gyro bias y", kGyroBiasY, kDegree, "deg/s");
+  learnt("gyro bias z", kGyroBiasZ, kDegree, "deg/s");
+  learnt("wheel scale", kWheelScale, 0.01, "%");
+  learnt("traction slip", kTraction, 0.01, "% per m/s^2");
+  learnt("steering offset", kSteeringOffset, kDegree, "deg");
+  learnt("side-slip", kSideslip, kDegree, "deg per m/s^2");
+}
+
+/** Runs `play(progress)` with a line of progress. */
+template <class Play>
+auto played(const char* what, const Play& play) {
+  Progress progress(what);
+  return play([&](double share) { progress(share); });
+}
+
 }  // namespace
 
 std::optional<LiveArgs> parseLiveArgs(int argc, char** argv) {
@@ -78,18 +113,26 @@ std::optional<LiveArgs> parseLiveArgs(int argc, char** argv) {
                                        false, "", "LABELS", cmd);
   TCLAP::ValueArg<double> after("", "disable-after", "but hear them for this long first [s]", false, 1.0,
                                 "SECONDS", cmd);
+  TCLAP::SwitchArg odometry_only("", "odometry-only", "without a map: LIV odometry, to --trajectory", cmd);
   TCLAP::SwitchArg print_ini("", "print-ini", "print every key with its default and end", cmd);
   TCLAP::SwitchArg verbose("v", "verbose", "also print the options in force", cmd);
   if (!cmd.parse(argc, argv)) return std::nullopt;
 
   if (!print_ini.getValue()) {
     if (!ini.isSet()) throw InputError("no options given: -c ini/live.ini (see --help)");
-    if (!map.isSet()) throw InputError("no map given: -m MAP.rlmap (see --help)");
+    if (odometry_only.getValue()) {
+      if (map.isSet() || out.isSet())
+        throw InputError("--odometry-only takes no map (-m) and writes no annotated log (-o)");
+      if (!trajectory.isSet())
+        throw InputError("--odometry-only needs --trajectory ODOMETRY.tum (see --help)");
+    } else if (!map.isSet()) {
+      throw InputError("no map given: -m MAP.rlmap, or --odometry-only (see --help)");
+    }
     if (!log.isSet()) throw InputError("no log given: -i RACE.rawlog (see --help)");
   }
-  LiveArgs args{ini.getValue(), map.getValue(),        log.getValue(),
-                out.getValue(), trajectory.getValue(), std::nullopt,
-                std::nullopt,   verbose.getValue(),    print_ini.getValue()};
+  LiveArgs args{ini.getValue(),        map.getValue(),      log.getValue(), out.getValue(),
+                trajectory.getValue(), std::nullopt,        std::nullopt,   odometry_only.getValue(),
+                verbose.getValue(),    print_ini.getValue()};
   if (disable.isSet()) args.disable_labels = disable.getValue();
   if (after.isSet()) {
     if (!(after.getValue() >= 0)) throw InputError("--disable-after must be >= 0 s");
@@ -111,18 +154,22 @@ void runLive(const LiveArgs& args) {
   if (!args.trajectory_path.empty()) probe.emplace(args.trajectory_path);
 
   const auto start = std::chrono::steady_clock::now();
-  std::optional<ReplayReport> report;
-  {
-    Progress progress("localizing");
-    report.emplace(replay(args.rawlog_path, args.map_path, args.output_path, options,
-                          [&](double share) { progress(share); }));
-  }
-  if (!args.trajectory_path.empty()) writeTum(args.trajectory_path, report->trajectory);
-
-  print(*report);
+  double recorded_s = 0;
+  const auto finish = [&](const auto& report) {
+    if (!args.trajectory_path.empty()) writeTum(args.trajectory_path, report.trajectory);
+    print(report);
+    recorded_s = report.recorded_s;
+  };
+  if (args.odometry_only)
+    finish(played("odometry",
+                  [&](const auto& progress) { return replayOdometry(args.rawlog_path, options, progress); }));
+  else
+    finish(played("localizing", [&](const auto& progress) {
+      return replay(args.rawlog_path, args.map_path, args.output_path, options, progress);
+    }));
   const double wall_s = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
-  std::printf("run              %.1f s wall for %.1f s recorded, peak memory %.0f MiB\n", wall_s,
-              report->recorded_s, peakMemory_MiB());
+  std::printf("run              %.1f s wall for %.1f s recorded, peak memory %.0f MiB\n", wall_s, recorded_s,
+              peakMemory_MiB());
 }
 
 }  // namespace raceloc

@@ -12,7 +12,7 @@ struct LiveArgs {
   std::string ini_path, map_path, rawlog_path, output_path, trajectory_path;
   std::optional<std::string> disable_labels;
   std::optional<double> disable_after_s;
-  bool verbose, print_ini;
+  bool odometry_only, verbose, print_ini;
 };
 
 /** None after `--help` or `--version`. \throws InputError for arguments that do not fit. */

@@ -42,6 +42,7 @@ void print(const MapReport& r, const MapInfo& info) {
   std::printf("device           %s\n", r.device_reason.c_str());
   std::printf("recording        %.1f s, %.0f m, %zu scans (%zu trusted, %zu de-skewed by wheel speed)\n",
               r.recorded_s, r.length_m, r.scans, r.trusted_scans, r.scans_by_wheels);
+  printFaults(r.faults);
   if (r.passed_over > 0)
     std::printf("passed over      %zu scans, not later than the one before\n", r.passed_over);
   if (r.restarts > 0)

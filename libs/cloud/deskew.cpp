@@ -23,29 +23,37 @@ double endOfSweep(const Scan& scan) {
   return scan.stamp_s + *last;
 }
 
-DeskewedScan deskew(const Scan& scan, double speed_mps, double yaw_rate_rps, const CropOptions& crop) {
+SweepPoses steadySweep(const Vector6d& twist, double sweep_s) {
+  SweepPoses poses(kSweepSteps + 1);
+  for (std::size_t k = 0; k < poses.size(); ++k)
+    poses[k] = se3Exp(twist * (sweep_s * static_cast<double>(k) / kSweepSteps));
+  return poses;
+}
+
+DeskewedScan deskew(const Scan& scan, const SweepPoses& T_begin_at, const CropOptions& crop) {
   DeskewedScan out{endOfSweep(scan), {}};
+  const bool timed = !scan.time_s.empty();
   const double sweep_s = out.stamp_s - scan.stamp_s;
 
-  // The pose changes little from point to point: 256 steps over the sweep are 0.4 ms each, 3 cm at 70 m/s,
-  // and a linear step inside each would not be seen.
-  constexpr int kSteps = 256;
-  std::vector<Eigen::Isometry3f> T_end_lidar(scan.time_s.empty() ? 1 : kSteps + 1);
-  for (std::size_t k = 0; k < T_end_lidar.size(); ++k) {
-    const double before_end_s = sweep_s * (1 - static_cast<double>(k) / kSteps);
-    const Pose T_then_end = arc(speed_mps * before_end_s, yaw_rate_rps * before_end_s);
-    T_end_lidar[k] = (T_then_end.inverse() * scan.T_body_lidar).cast<float>();
+  // A point's own transform lies between those of the steps around it, entry by entry.
+  using Affine = Eigen::Matrix<float, 3, 4>;
+  std::vector<Affine> at(timed ? kSweepSteps + 1 : 1), change(at.size(), Affine::Zero());
+  for (std::size_t k = 0; k < at.size(); ++k) {
+    const Pose T_end_then = timed ? T_begin_at.back().inverse() * T_begin_at[k] : Pose::Identity();
+    at[k] = (T_end_then * scan.T_body_lidar).matrix().topRows<3>().cast<float>();
   }
+  for (std::size_t k = 0; k + 1 < at.size(); ++k) change[k] = at[k + 1] - at[k];
 
   out.cloud.reserve(scan.cloud.size());
-  const float steps_per_s = sweep_s > 0 ? static_cast<float>(kSteps / sweep_s) : 0.0F;
+  const float steps_per_s = sweep_s > 0 ? static_cast<float>(kSweepSteps / sweep_s) : 0.0F;
   const bool with_intensity = !scan.cloud.intensity.empty();
   for (std::size_t i = 0; i < scan.cloud.size(); ++i) {
-    const auto k = scan.time_s.empty() ? std::size_t{0}
-                                       : static_cast<std::size_t>(std::clamp(
-                                             std::lround(scan.time_s[i] * steps_per_s), 0L, long{kSteps}));
+    const float step =
+        timed ? std::clamp(scan.time_s[i] * steps_per_s, 0.0F, static_cast<float>(kSweepSteps)) : 0.0F;
+    const auto k = static_cast<std::size_t>(step);
+    const Affine T_end_lidar = at[k] + (step - static_cast<float>(k)) * change[k];
     const Eigen::Vector3f p_lidar_m = scan.cloud.point(i);
-    const Eigen::Vector3f p_body_m = T_end_lidar[k] * p_lidar_m;
+    const Eigen::Vector3f p_body_m = T_end_lidar.leftCols<3>() * p_lidar_m + T_end_lidar.col(3);
     if (!isInside(p_lidar_m, p_body_m, crop)) continue;
     if (with_intensity)
       out.cloud.push(p_body_m, scan.cloud.intensity[i]);

@@ -29,6 +29,9 @@ namespace {
 
 /** Scans without a match before the local map is given up and begun anew at the dead-reckoned pose. */
 constexpr int kLostForGood = 10;
+/** So many scans in a row may go into the local map by dead reckoning: without them the car would leave the map, and never match
+ * again. */
+constexpr int kMappedBlindly = 5;
 /** What dead reckoning of one scan leaves open on every axis: 3 deg, 0.5 m. */
 const Matrix6d kLost = (Vector6d() << 0.0027, 0.0027, 0.0027, 0.25, 0.25, 0.25).finished().asDiagonal();
 
@@ -38,21 +41,38 @@ Vector6d velocityOf(const BodyMotion& motion) {
                                : Vector6d(Vector6d::Zero());
 }
 
-}  // namespace
-
-MotionHistory::Rates LivOdometry::ratesOf(const Scan& scan, const MotionHistory& history,
-                                          bool& by_wheels) const {
-  const auto rates = history.ratesBetween(scan.stamp_s, endOfSweep(scan));
-  by_wheels = rates.has_value();
-  if (rates) return *rates;
-  const Vector6d velocity = velocityOf(x_last_motion);
-  return {velocity(3), velocity(2)};
+/** What a match adds to a prediction: both are poses of the same instant, weighed by their covariances. A match that
+ * contradicts the prediction beyond chance along the direction that it knows worst (a wall that looks the same everywhere),
+ * or did not come to rest, does not count along it. */
+struct Fused {
+  Pose pose;
+  Matrix6d covariance;  ///< right increment (rad, m)
+};
+Fused fused(const Pose& predicted, const Matrix6d& P, const Registration& match) {
+  Matrix6d R = match.covariance;
+  const Vector6d xi = se3Log(predicted.inverse() * match.T_target_source);
+  Vector6d weak = Vector6d::Zero();
+  weak.tail<3>() = match.weakest_direction;
+  constexpr double kBeyondChance = 9;  // 3 sigma, squared
+  const double off_m = weak.dot(xi);
+  if (match.stop != gpu::Stop::converged || off_m * off_m > kBeyondChance * weak.dot((P + R) * weak)) {
+    constexpr double kNothingKnown_m2 = 1e6;
+    R += kNothingKnown_m2 * weak * weak.transpose();
+  }
+  const Matrix6d K = Eigen::LDLT<Matrix6d>(P + R).solve(P).transpose();
+  const Matrix6d rest = Matrix6d::Identity() - K;
+  return {predicted * se3Exp(K * xi), rest * P * rest.transpose() + K * R * K.transpose()};
 }
 
-OdometryStep LivOdometry::add(const Scan& scan, const MotionHistory& history) {
+}  // namespace
+
+OdometryStep LivOdometry::add(const Scan& scan, MotionHistory& history) {
   OdometryStep step{};
-  const auto rates = ratesOf(scan, history, step.by_wheels);
-  DeskewedScan deskewed = deskew(scan, rates.speed_mps, rates.yaw_rate_rps, x_crop);
+  const double end_s = endOfSweep(scan);
+  const auto sweep = history.sweep(scan.stamp_s, end_s);
+  step.by_wheels = sweep.has_value();
+  DeskewedScan deskewed =
+      deskew(scan, sweep ? *sweep : steadySweep(velocityOf(x_last_motion), end_s - scan.stamp_s), x_crop);
   step.stamp_s = deskewed.stamp_s;
   if (x_last_stamp_s && step.stamp_s <= *x_last_stamp_s)
     throw std::invalid_argument("LivOdometry: scans must come in order of time");
@@ -73,11 +93,18 @@ OdometryStep LivOdometry::add(const Scan& scan, const MotionHistory& history) {
     around.step_m = 0.75 * x_gicp.voxel_size_m;
     step.match = speed_unknown ? alignWithSearch(x_context, step.scan, x_local_map, T_guess, x_gicp, around)
                                : align(x_context, step.scan, x_local_map, T_guess, x_gicp);
-    step.trusted = step.match.trusted(x_gicp);
-    const Pose T_odom_body = step.trusted ? step.match.T_target_source : T_guess;
-    step.since_last = {duration_s, x_T_odom_body.inverse() * T_odom_body, step.match.covariance};
-    if (!step.trusted)
-      step.since_last.covariance = (wheels ? wheels->covariance : Matrix6d(Matrix6d::Zero())) + kLost;
+    step.trusted = wheels ? step.match.plausible(x_gicp) : step.match.trusted(x_gicp);
+    Fused now{T_guess, (wheels ? wheels->covariance : Matrix6d(Matrix6d::Zero())) + kLost};
+    if (step.trusted && wheels) {
+      now = fused(T_guess, wheels->covariance, step.match);
+      if (step.match.stop == gpu::Stop::converged)  // both ends have the match's error
+        history.observe(*x_last_stamp_s, step.stamp_s, x_T_odom_body.inverse() * step.match.T_target_source,
+                        2 * step.match.covariance);
+    } else if (step.trusted) {
+      now = {step.match.T_target_source, step.match.covariance};
+    }
+    const Pose T_odom_body = now.pose;
+    step.since_last = {duration_s, x_T_odom_body.inverse() * T_odom_body, now.covariance};
     x_ever_matched = x_ever_matched || step.trusted;
     x_T_odom_body = T_odom_body;
     x_last_motion = step.since_last;
@@ -91,8 +118,9 @@ OdometryStep LivOdometry::add(const Scan& scan, const MotionHistory& history) {
     step.restarted = true;
     x_lost_in_a_row = 0;
   }
-  if (step.trusted ||
-      step.restarted) {  // a scan at a doubtful pose would spoil the map for those that follow
+  // A scan at a doubtful pose would spoil the map for those that follow.
+  const bool reckoned = step.by_wheels && history.faults().empty() && x_lost_in_a_row <= kMappedBlindly;
+  if (step.trusted || step.restarted || (reckoned && !step.scan.cloud.empty())) {
     x_local_map.insert(viewOf(step.scan.cloud), step.scan.covariances.view(), toTransform(x_T_odom_body));
     const Eigen::Vector3d p = x_T_odom_body.translation();
     x_local_map.keepWithin({p.x(), p.y(), p.z()}, x_options.local_map_radius_m);

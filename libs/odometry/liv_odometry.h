@@ -41,14 +41,11 @@ class LivOdometry {
               const CovarianceOptions& covariance, const GicpOptions& gicp);
 
   /** The next scan, later than the one before. `history` must reach to the end of its sweep to be of use;
-   * without it the motion between the last two scans goes on. \throws std::invalid_argument if the scan's end
+   * without it the motion between the last two scans goes on. What is matched calibrates it. \throws std::invalid_argument if the scan's end
    * is not later than the last one's. */
-  OdometryStep add(const Scan& scan, const MotionHistory& history);
+  OdometryStep add(const Scan& scan, MotionHistory& history);
 
  private:
-  [[nodiscard]] MotionHistory::Rates ratesOf(const Scan& scan, const MotionHistory& history,
-                                             bool& by_wheels) const;
-
   gpu::Context& x_context;
   OdometryOptions x_options;
   CropOptions x_crop;

@@ -1,93 +1,295 @@
 #include "odometry/motion_history.h"
 
-#include <algorithm>
 #include <cmath>
-
-#include "cloud/deskew.h"
 
 namespace raceloc {
 
+namespace {
+
+/** Cells of constant rates. */
+constexpr double kCell_s = 0.005;
+
+/** Sigmas of rates are those of samples at 100 Hz: white noise of this density per variance. */
+constexpr double kSample_s = 0.01;
+
+/** A gyro that gives the same three numbers for so many samples and so long is frozen, if the car moves. */
+constexpr int kFrozenSamples = 10;
+constexpr double kFrozen_s = 0.1, kMoving_mps = 1;
+
+}  // namespace
+
 void MotionOptions::describe(OptionList& keys) {
-  keys.add("memory_s", memory_s, between(1, 60), "how long speed and yaw rate are remembered [s]");
-  keys.add("max_gap_s", max_gap_s, between(0, 5),
-           "speed and yaw rate are held this long when samples are missing [s]");
-  keys.add("speed_sigma_mps", speed_sigma_mps, above(0), "error of the speed, white at 100 Hz [m/s]");
-  keys.add("yaw_rate_sigma_rps", yaw_rate_sigma_rps, above(0),
-           "error of the yaw rate, white at 100 Hz [rad/s]");
+  keys.add("memory_s", memory_s, between(1, 60), "how long the sources of motion are remembered [s]");
+  keys.add("max_gap_s", max_gap_s, between(0, 5), "a source is held this long when samples are missing [s]");
+  keys.add("wheelbase_m", wheelbase_m, above(0), "between the axles [m]");
+  keys.add("gyro_sigma_dps", gyro_sigma_dps, above(0), "error of the gyro, white at 100 Hz [deg/s]");
+  keys.add("vehicle_yaw_rate_sigma_dps", vehicle_yaw_rate_sigma_dps, above(0),
+           "error of the car's own yaw rate, white at 100 Hz [deg/s]");
+  keys.add("steering_sigma_deg", steering_sigma_deg, above(0),
+           "error of the steering, of the road wheels [deg]");
+  keys.add("understeer_deg_per_mps2", understeer_deg_per_mps2, atLeast(0),
+           "what slip may add to the steering, against the lateral force [deg per m/s^2]");
+  keys.add("speed_sigma_mps", speed_sigma_mps, above(0), "error of the wheel speed, white at 100 Hz [m/s]");
+  keys.add("crosswise_sigma_mps", crosswise_sigma_mps, above(0),
+           "error of the velocity across the car and out of the road, white at 100 Hz [m/s]");
+  keys.add("unknown_tilt_rate_dps", unknown_tilt_rate_dps, above(0),
+           "roll and pitch rates without a gyro, white at 100 Hz [deg/s]");
+  keys.add("drag_per_m", drag_per_m, atLeast(0), "deceleration by drag over the speed squared [1/m]");
+  keys.add("downforce_per_m", downforce_per_m, atLeast(0),
+           "downforce on the rear axle per mass that it carries, over the speed squared [1/m]");
 }
 
-void MotionHistory::append(Series& series, double stamp_s, double value) const {
-  if (!series.empty() && stamp_s <= series.back().stamp_s) return;
-  series.push_back({stamp_s, value});
-  while (series.back().stamp_s - series.front().stamp_s > x_options.memory_s) series.pop_front();
-}
+MotionHistory::MotionHistory(const MotionOptions& options, const CalibrationOptions& calibration)
+    : x_options(options),
+      x_calibration(calibration),
+      x_gyro_rps(options.memory_s, options.max_gap_s),
+      x_force_mps2(options.memory_s, options.max_gap_s),
+      x_speed(options.memory_s, options.max_gap_s),
+      x_vehicle_yaw_rate_rps(options.memory_s, options.max_gap_s),
+      x_steering_rad(options.memory_s, options.max_gap_s) {}
 
 void MotionHistory::add(const MotionSample& sample) {
-  append(x_speed_mps, sample.stamp_s, sample.speed_mps);
-  const bool imu_delivers = x_last_imu_s && sample.stamp_s - *x_last_imu_s < x_options.max_gap_s;
-  if (!imu_delivers) append(x_yaw_rate_rps, sample.stamp_s, sample.yaw_rate_rps);
+  if (!std::isfinite(sample.speed_mps) || !std::isfinite(sample.yaw_rate_rps)) return;
+  const auto& known = x_speed.samples();
+  if (!known.empty() && sample.stamp_s <= known.back().stamp_s) return;
+  // The driven wheels slip by a percent.
+  const double sigma_mps = std::hypot(x_options.speed_sigma_mps, 0.01 * sample.speed_mps);
+  const auto force_mps2 = known.empty() ? std::nullopt : meanForce(known.back().stamp_s, sample.stamp_s);
+  const TyreForces tyres = tyreForces(sample.stamp_s, sample.speed_mps, sample.yaw_rate_rps);
+  const CalibrationVector& c = x_calibration.mean();
+  const double scale = 1 + c(kWheelScale) - c(kTraction) * tyres.along_mps2;
+  x_wheels_refused = !x_speed_check.accept(sample.stamp_s, scale * sample.speed_mps, sigma_mps, force_mps2);
+  const double likely_mps = x_speed_check.speed_mps(),
+               likely_variance = std::pow(x_speed_check.sigma_mps(), 2);
+  // What is refused is filled in as measured: the calibration's scale applies to it as well.
+  x_speed.add(sample.stamp_s,
+              x_wheels_refused ? Eigen::Vector2d(likely_mps / scale, likely_variance)
+                               : Eigen::Vector2d(sample.speed_mps, std::pow(x_options.speed_sigma_mps, 2)));
+  x_vehicle_yaw_rate_rps.add(sample.stamp_s, sample.yaw_rate_rps);
+  if (sample.steering_rad && std::isfinite(*sample.steering_rad))
+    x_steering_rad.add(sample.stamp_s, *sample.steering_rad);
+  x_vehicle_label = sample.label;
 }
 
 void MotionHistory::add(const ImuSample& sample) {
+  if (!sample.gyro_body_rps.allFinite() || !sample.specific_force_body_mps2.allFinite()) return;
+  if (x_last_imu_s && sample.stamp_s <= *x_last_imu_s) return;
+  const bool same = x_last_imu_s && sample.gyro_body_rps == x_last_gyro_rps;
   x_last_imu_s = sample.stamp_s;
-  append(x_yaw_rate_rps, sample.stamp_s, sample.gyro_body_rps.z());
+  x_imu_label = sample.label;
+  if (!same) {
+    x_same_gyro = 0;
+    x_same_gyro_since_s = sample.stamp_s;
+    x_last_gyro_rps = sample.gyro_body_rps;
+  }
+  ++x_same_gyro;
+  const auto speed = x_speed.at(sample.stamp_s);
+  x_gyro_frozen = x_same_gyro > kFrozenSamples && sample.stamp_s - *x_same_gyro_since_s > kFrozen_s &&
+                  speed && speed->x() > kMoving_mps;
+  if (x_gyro_frozen) {  // what it said since then was no measurement either
+    x_gyro_rps.dropSince(*x_same_gyro_since_s);
+    x_force_mps2.dropSince(*x_same_gyro_since_s);
+    return;
+  }
+  x_gyro_rps.add(sample.stamp_s, sample.gyro_body_rps);
+  x_force_mps2.add(sample.stamp_s, sample.specific_force_body_mps2);
+}
+
+std::vector<std::string> MotionHistory::faults() const {
+  std::vector<std::string> faults;
+  if (x_gyro_frozen) faults.push_back(x_imu_label + ": frozen");
+  if (x_wheels_refused) faults.push_back(x_vehicle_label + ": wheel speed contradicts the car's motion");
+  return faults;
 }
 
 std::optional<double> MotionHistory::knownUntil_s() const {
-  if (x_speed_mps.empty() || x_yaw_rate_rps.empty()) return std::nullopt;
-  return std::min(x_speed_mps.back().stamp_s, x_yaw_rate_rps.back().stamp_s);
+  const auto& speed = x_speed.samples();
+  if (speed.empty()) return std::nullopt;
+  // A source of yaw rate that has died is not waited for.
+  const auto& gyro = x_gyro_rps.samples();
+  const bool gyro_lives = !gyro.empty() && speed.back().stamp_s - gyro.back().stamp_s < x_options.max_gap_s;
+  return gyro_lives ? std::min(speed.back().stamp_s, gyro.back().stamp_s) : speed.back().stamp_s;
 }
 
-std::optional<double> MotionHistory::meanBetween(const Series& series, double from_s, double to_s) const {
-  if (series.empty() || from_s < series.front().stamp_s - x_options.max_gap_s ||
-      to_s > series.back().stamp_s + x_options.max_gap_s)
-    return std::nullopt;
-  // Value at an instant: linear between samples, held outside of them.
-  const auto at = [&](double stamp_s) {
-    const auto next = std::lower_bound(series.begin(), series.end(), stamp_s,
-                                       [](const Timed& s, double t) { return s.stamp_s < t; });
-    if (next == series.begin()) return series.front().value;
-    if (next == series.end()) return series.back().value;
-    const auto last = std::prev(next);
-    const double share = (stamp_s - last->stamp_s) / (next->stamp_s - last->stamp_s);
-    return last->value + share * (next->value - last->value);
+std::optional<double> MotionHistory::meanForce(double from_s, double to_s) const {
+  const auto begin = x_force_mps2.at(from_s), end = x_force_mps2.at(to_s);
+  if (!begin || !end) return std::nullopt;
+  double sum = 0;
+  int count = 0;
+  for (auto it = x_force_mps2.samples().rbegin(); it != x_force_mps2.samples().rend() && it->stamp_s > from_s;
+       ++it)
+    if (it->stamp_s <= to_s) sum += it->value.x(), ++count;
+  return count > 0 ? sum / count : 0.5 * (begin->x() + end->x());
+}
+
+MotionHistory::YawRates MotionHistory::yawRates(double stamp_s, double speed_mps, double lateral_mps2) const {
+  const CalibrationVector& c = x_calibration.mean();
+  constexpr double kYawAcceleration_rps2 = 1;  // what a held rate may have missed
+  const auto sigma = [](double at_best_rps, double held_s) {
+    return std::hypot(at_best_rps, kYawAcceleration_rps2 * held_s);
   };
-  if (to_s <= from_s) return at(from_s);
-  double integral = 0, stamp_s = from_s, value = at(from_s);
-  for (const Timed& sample : series) {
-    if (sample.stamp_s <= from_s) continue;
-    if (sample.stamp_s >= to_s) break;
-    integral += 0.5 * (value + sample.value) * (sample.stamp_s - stamp_s);
-    stamp_s = sample.stamp_s;
-    value = sample.value;
+  YawRates rates;
+  if (const auto gyro = x_gyro_rps.at(stamp_s)) {
+    rates[kGyro] = {gyro->z() - c(kGyroBiasZ),
+                    sigma(kDegree * x_options.gyro_sigma_dps, x_gyro_rps.held_s(stamp_s)),
+                    YawJacobian::Zero()};
+    rates[kGyro]->J(kGyroBiasZ) = -1;
   }
-  integral += 0.5 * (value + at(to_s)) * (to_s - stamp_s);
-  return integral / (to_s - from_s);
+  if (const auto own = x_vehicle_yaw_rate_rps.at(stamp_s))
+    rates[kVehicle] = {
+        *own, sigma(kDegree * x_options.vehicle_yaw_rate_sigma_dps, x_vehicle_yaw_rate_rps.held_s(stamp_s)),
+        YawJacobian::Zero()};
+  if (const auto steering = x_steering_rad.at(stamp_s)) {
+    const double per_rad = speed_mps / x_options.wheelbase_m;
+    const double tangent = std::tan(*steering - c(kSteeringOffset));
+    const double slip_rad = kDegree * x_options.understeer_deg_per_mps2 * lateral_mps2;
+    const double sigma_rad = std::hypot(kDegree * x_options.steering_sigma_deg, slip_rad);
+    constexpr double kStanding_rps = 1e-3;  // at rest the model is exact, but nothing is so exact
+    rates[kBicycle] = {per_rad * tangent, std::hypot(per_rad * sigma_rad, kStanding_rps),
+                       YawJacobian::Zero()};
+    rates[kBicycle]->J(kSteeringOffset) = -per_rad * (1 + tangent * tangent);
+  }
+  const auto contradict = [&](YawSource a, YawSource b) {
+    if (!rates[a] || !rates[b]) return false;
+    const Eigen::Matrix<double, 1, kCalibrations> J = rates[a]->J - rates[b]->J;
+    const double variance = std::pow(rates[a]->sigma_rps, 2) + std::pow(rates[b]->sigma_rps, 2) +
+                            J.dot(J * x_calibration.covariance());
+    constexpr double kBeyondChance = 25;  // 5 sigma, squared
+    return std::pow(rates[a]->rate_rps - rates[b]->rate_rps, 2) > kBeyondChance * variance;
+  };
+  const bool vehicle_off = contradict(kGyro, kVehicle), bicycle_off = contradict(kGyro, kBicycle);
+  if (vehicle_off && bicycle_off && !contradict(kVehicle, kBicycle)) {
+    rates[kGyro].reset();
+  } else {
+    if (vehicle_off) rates[kVehicle].reset();
+    if (bicycle_off || contradict(kVehicle, kBicycle)) rates[kBicycle].reset();
+  }
+  return rates;
+}
+
+std::optional<MotionHistory::YawRate> MotionHistory::blended(const YawRates& rates) {
+  double information = 0;
+  YawRate sum{0, 0, YawJacobian::Zero()};
+  for (const auto& rate : rates) {
+    if (!rate) continue;
+    const double weight = 1 / (rate->sigma_rps * rate->sigma_rps);
+    information += weight;
+    sum.rate_rps += weight * rate->rate_rps;
+    sum.J += weight * rate->J;
+  }
+  if (information == 0) return std::nullopt;
+  return YawRate{sum.rate_rps / information, std::sqrt(1 / information), sum.J / information};
+}
+
+MotionHistory::TyreForces MotionHistory::tyreForces(double stamp_s, double speed_mps,
+                                                    double yaw_rate_rps) const {
+  constexpr double kGravity_mps2 = 9.81;
+  const auto force = x_force_mps2.at(stamp_s);
+  const double squared = speed_mps * speed_mps;
+  const double weight_mps2 = force ? std::max(0.5 * kGravity_mps2, force->z()) : kGravity_mps2;
+  const double load = (weight_mps2 + x_options.downforce_per_m * squared) / kGravity_mps2;
+  const double pull_mps2 = (force ? force->x() : 0) + x_options.drag_per_m * squared;
+  constexpr double kBrakesOnDrivenAxle = 0.5;  // the engine's pull is all on it
+  return {(pull_mps2 < 0 ? kBrakesOnDrivenAxle : 1) * pull_mps2 / load,
+          (force ? force->y() : speed_mps * yaw_rate_rps) / load, load};
+}
+
+std::optional<BodyRates> MotionHistory::ratesAt(double stamp_s) const {
+  const auto speed = x_speed.at(stamp_s);
+  if (!speed) return std::nullopt;
+  const CalibrationVector& c = x_calibration.mean();
+  // The bicycle's variance needs the lateral force before the yaw rate that may have to give it.
+  const auto guess = blended(yawRates(stamp_s, speed->x(), 0));
+  if (!guess) return std::nullopt;
+  const TyreForces tyres = tyreForces(stamp_s, speed->x(), guess->rate_rps);
+  const double per_measured = 1 + c(kWheelScale) - c(kTraction) * tyres.along_mps2;
+  const double forward_mps = per_measured * speed->x();
+  const YawRate yaw = *blended(yawRates(stamp_s, forward_mps, tyres.across_mps2 * tyres.load));
+
+  BodyRates rates;
+  const auto gyro = x_gyro_rps.at(stamp_s);
+  if (gyro) {
+    rates.twist.head<2>() = gyro->head<2>() - c.segment<2>(kGyroBiasX);
+    rates.J_calibration(0, kGyroBiasX) = rates.J_calibration(1, kGyroBiasY) = -1;
+  }
+  const double slip_rad = -c(kSideslip) * tyres.across_mps2;
+  rates.twist.tail<3>() << forward_mps, slip_rad * forward_mps, 0;
+  rates.twist(2) = yaw.rate_rps;
+  rates.J_calibration.row(2) = yaw.J;
+  const Eigen::Vector2d along(1, slip_rad);
+  rates.J_calibration.block<2, 1>(3, kWheelScale) = speed->x() * along;
+  rates.J_calibration.block<2, 1>(3, kTraction) = -tyres.along_mps2 * speed->x() * along;
+  rates.J_calibration(4, kSideslip) = -tyres.across_mps2 * forward_mps;
+  // White noise of samples at 100 Hz; a gyro that is read less often misses how the body shakes in between.
+  constexpr double kMissesAll_s = 0.1;
+  const double missed = gyro ? std::min(1.0, std::pow(x_gyro_rps.spacing_s(stamp_s) / kMissesAll_s, 2)) : 1;
+  const double tilt = std::pow(kDegree * x_options.gyro_sigma_dps, 2) +
+                      missed * std::pow(kDegree * x_options.unknown_tilt_rate_dps, 2);
+  const double crosswise = std::pow(x_options.crosswise_sigma_mps, 2);
+  rates.noise_density << tilt, tilt, yaw.sigma_rps * yaw.sigma_rps, speed->y(), crosswise, crosswise;
+  rates.noise_density *= kSample_s;
+  return rates;
+}
+
+template <class Take>
+bool MotionHistory::forCells(double from_s, double to_s, const Take& take) const {
+  if (!ratesAt(from_s) || !ratesAt(to_s)) return false;
+  auto cell = static_cast<std::int64_t>(std::floor(from_s / kCell_s));
+  for (double at_s = from_s; at_s < to_s; ++cell) {
+    const double end_s = std::min(to_s, static_cast<double>(cell + 1) * kCell_s);
+    if (end_s <= at_s) continue;  // stamps are large: a cell's end may round to its begin
+    const auto rates = ratesAt((static_cast<double>(cell) + 0.5) * kCell_s);
+    if (!rates) return false;
+    take(*rates, end_s - at_s);
+    at_s = end_s;
+  }
+  return true;
+}
+
+std::optional<Preintegration> MotionHistory::preintegrated(double from_s, double to_s) const {
+  Preintegration motion;
+  const bool covered =
+      forCells(from_s, to_s, [&](const BodyRates& rates, double step_s) { motion.append(rates, step_s); });
+  return covered ? std::optional(motion) : std::nullopt;
 }
 
 std::optional<MotionHistory::Rates> MotionHistory::ratesBetween(double from_s, double to_s) const {
-  const auto speed_mps = meanBetween(x_speed_mps, from_s, to_s);
-  const auto yaw_rate_rps = meanBetween(x_yaw_rate_rps, from_s, to_s);
-  if (!speed_mps || !yaw_rate_rps) return std::nullopt;
-  return Rates{*speed_mps, *yaw_rate_rps};
+  Vector6d sum = Vector6d::Zero();
+  double duration_s = 0;
+  const bool covered = forCells(from_s, to_s, [&](const BodyRates& rates, double step_s) {
+    sum += step_s * rates.twist;
+    duration_s += step_s;
+  });
+  if (!covered) return std::nullopt;
+  const Vector6d mean = duration_s > 0 ? Vector6d(sum / duration_s) : ratesAt(from_s)->twist;
+  return Rates{mean(3), mean(2)};
+}
+
+std::optional<SweepPoses> MotionHistory::sweep(double begin_s, double end_s) const {
+  SweepPoses poses{Pose::Identity()};
+  const double step_s = (end_s - begin_s) / kSweepSteps;
+  for (int k = 0; k < kSweepSteps; ++k) {
+    const auto step = preintegrated(begin_s + k * step_s, begin_s + (k + 1) * step_s);
+    if (!step) return std::nullopt;
+    poses.push_back(poses.back() * step->T_start_end);
+  }
+  return poses;
 }
 
 std::optional<BodyMotion> MotionHistory::between(double from_s, double to_s) const {
-  if (!ratesBetween(from_s, to_s)) return std::nullopt;
-  BodyMotion motion;
-  const double duration_s = std::max(0.0, to_s - from_s);
-  constexpr double kStep_s = 0.01;
-  const int steps = static_cast<int>(std::ceil(duration_s / kStep_s));
-  const double step_s = steps > 0 ? duration_s / steps : 0;
-  for (int i = 0; i < steps; ++i) {
-    const double end_s = i + 1 == steps ? to_s : from_s + (i + 1) * step_s;
-    const auto rates = ratesBetween(from_s + i * step_s, end_s);
-    BodyMotion step{step_s, arc(rates->speed_mps * step_s, rates->yaw_rate_rps * step_s), Matrix6d::Zero()};
-    step.covariance(2, 2) = std::pow(x_options.yaw_rate_sigma_rps * step_s, 2);
-    step.covariance(3, 3) = std::pow(x_options.speed_sigma_mps * step_s, 2);
-    motion = then(motion, step);
-  }
-  return motion;
+  const auto motion = preintegrated(from_s, to_s);
+  if (!motion) return std::nullopt;
+  const CalibrationJacobian& J = motion->J_calibration;
+  return BodyMotion{motion->duration_s, motion->T_start_end,
+                    motion->covariance + J * x_calibration.covariance() * J.transpose()};
+}
+
+void MotionHistory::observe(double from_s, double to_s, const Pose& T_from_to, const Matrix6d& covariance) {
+  const auto motion = preintegrated(from_s, to_s);
+  if (!motion || motion->duration_s <= 0) return;
+  const Vector6d mean = se3Log(T_from_to) / motion->duration_s;
+  x_speed_check.observe(mean(3), std::sqrt(covariance(3, 3)) / motion->duration_s);
+  if (!x_wheels_refused) x_calibration.observe(*motion, T_from_to, covariance);
 }
 
 }  // namespace raceloc

@@ -1,13 +1,20 @@
 /** \file
- * Dead reckoning from wheel speed and yaw rate, over any interval of the recent past. */
+ * Dead reckoning from gyro, wheel speed and steering, over any interval of the recent past. */
 #pragma once
 
-#include <deque>
+#include <array>
 #include <optional>
+#include <string>
+#include <vector>
 
+#include "cloud/deskew.h"
 #include "core/options.h"
 #include "core/samples.h"
+#include "core/time_series.h"
 #include "core/types.h"
+#include "odometry/motion_calibration.h"
+#include "odometry/preintegration.h"
+#include "odometry/speed_check.h"
 
 namespace raceloc {
 
@@ -15,47 +22,102 @@ namespace raceloc {
 struct MotionOptions {
   double memory_s = 5.0;
   double max_gap_s = 0.5;
-  double speed_sigma_mps = 0.2;
-  double yaw_rate_sigma_rps = 0.005;
+  double wheelbase_m = 2.97;
+  double gyro_sigma_dps = 0.2;
+  double vehicle_yaw_rate_sigma_dps = 0.5;
+  double steering_sigma_deg = 0.2;
+  double understeer_deg_per_mps2 = 0.2;
+  double speed_sigma_mps = 0.5;
+  double crosswise_sigma_mps = 0.8;
+  double unknown_tilt_rate_dps = 2.0;
+  double drag_per_m = 6e-4;
+  double downforce_per_m = 1.4e-3;
   void describe(OptionList& keys);
 };
 
-/** The last seconds of speed and yaw rate. The yaw rate is the gyro's while an IMU delivers, else the car's
- * own. Planar, no side-slip. Source: reading.md section 5 (translation from wheel speed, never from
- * acceleration). */
+/** The last seconds of what the car says of its motion.
+ *
+ * Rotation: the gyro, less its bias. About the body's z axis it is blended, by inverse variances, with the car's own yaw rate and
+ * with the bicycle model v tan(steering) / wheelbase, whose variance grows with the lateral acceleration; each may be
+ * absent, and any one of them carries the yaw rate alone; one that contradicts the gyro is left out, as is the gyro when both
+ * of the others contradict it. Translation: wheel speed, less the slip that traction needs, along the
+ * rear axle's course, which lies off the heading by side-slip; both are in proportion to the force that the tyres bear over
+ * their load. Never from acceleration.
+ * A gyro that repeats itself while the car moves, and a wheel speed that neither force nor scan matches can explain, are
+ * dropped and named. Source: reading.md section 5. */
 class MotionHistory {
  public:
-  explicit MotionHistory(const MotionOptions& options) : x_options(options) {}
+  explicit MotionHistory(const MotionOptions& options, const CalibrationOptions& calibration = {});
 
-  /** Samples come in order of time; one that is older than the newest of its kind is ignored. */
+  /** Samples come in order of time; one that is older than the newest of its kind, or not finite, is ignored. */
   void add(const MotionSample& sample);
   void add(const ImuSample& sample);
 
   /** Stamp up to which motion is known; none before the first speed and yaw rate. */
   [[nodiscard]] std::optional<double> knownUntil_s() const;
 
-  /** Rates averaged over [from, to], by trapezoids; held constant for at most max_gap_s beyond the samples.
-   * None when the interval is not covered. `to_s` may equal `from_s`. */
+  /** Rates averaged over [from, to]; held constant for at most max_gap_s beyond the samples. None when the
+   * interval is not covered. `to_s` may equal `from_s`. */
   struct Rates {
     double speed_mps, yaw_rate_rps;
   };
   [[nodiscard]] std::optional<Rates> ratesBetween(double from_s, double to_s) const;
 
-  /** The body's motion from one instant to a later one: arcs of 10 ms, with the covariance of white speed and
-   * yaw rate errors. None when the interval is not covered. */
+  /** Twist of the body, origin at the rear axle, at an instant. None when it is not covered. */
+  [[nodiscard]] std::optional<BodyRates> ratesAt(double stamp_s) const;
+
+  /** The body's motion from one instant to a later one. Rates are constant within the cells of a fixed grid of 5 ms, so that
+   * an interval may be cut anywhere. None when the interval is not covered. */
+  [[nodiscard]] std::optional<Preintegration> preintegrated(double from_s, double to_s) const;
+
+  /** Poses over a sweep, for deskew(). None when it is not covered. */
+  [[nodiscard]] std::optional<SweepPoses> sweep(double begin_s, double end_s) const;
+
+  /** As preintegrated(); the covariance is of noise and calibration. */
   [[nodiscard]] std::optional<BodyMotion> between(double from_s, double to_s) const;
 
+  /** A motion that was measured by other means, to learn the calibration from. \param covariance of the right increment (rad,
+   * m), positive definite */
+  void observe(double from_s, double to_s, const Pose& T_from_to, const Matrix6d& covariance);
+
+  [[nodiscard]] const MotionCalibration& calibration() const { return x_calibration; }
+
+  /** Names of the sources that are dropped now, and why; empty when all is well. */
+  [[nodiscard]] std::vector<std::string> faults() const;
+
  private:
-  struct Timed {
-    double stamp_s, value;
+  /** What the tyres bear at an instant, per mass [m/s^2]: across the car, and along it on the driven axle; both over the load in
+   * g. Without an accelerometer, what speed and yaw rate tell. */
+  struct TyreForces {
+    double along_mps2, across_mps2, load;
   };
-  using Series = std::deque<Timed>;
-  void append(Series& series, double stamp_s, double value) const;
-  [[nodiscard]] std::optional<double> meanBetween(const Series& series, double from_s, double to_s) const;
+  [[nodiscard]] TyreForces tyreForces(double stamp_s, double speed_mps, double yaw_rate_rps) const;
+  using YawJacobian = Eigen::Matrix<double, 1, kCalibrations>;
+  struct YawRate {
+    double rate_rps, sigma_rps;
+    YawJacobian J;
+  };
+  enum YawSource { kGyro, kVehicle, kBicycle, kYawSources };
+  using YawRates = std::array<std::optional<YawRate>, kYawSources>;
+  /** What each source says, without those that the others contradict. */
+  [[nodiscard]] YawRates yawRates(double stamp_s, double speed_mps, double lateral_mps2) const;
+  [[nodiscard]] static std::optional<YawRate> blended(const YawRates& rates);
+  /** Calls `take(rates, step_s)` for the cells of an interval. \return whether all of it is covered */
+  template <class Take>
+  bool forCells(double from_s, double to_s, const Take& take) const;
+  [[nodiscard]] std::optional<double> meanForce(double from_s, double to_s) const;
 
   MotionOptions x_options;
-  Series x_speed_mps, x_yaw_rate_rps;
-  std::optional<double> x_last_imu_s;
+  MotionCalibration x_calibration;
+  SpeedCheck x_speed_check;
+  TimeSeries<Eigen::Vector3d> x_gyro_rps, x_force_mps2;
+  TimeSeries<Eigen::Vector2d> x_speed;  ///< measured or, where it was refused, likely [m/s]; its variance
+  TimeSeries<double> x_vehicle_yaw_rate_rps, x_steering_rad;
+  std::optional<double> x_last_imu_s, x_same_gyro_since_s;
+  Eigen::Vector3d x_last_gyro_rps = Eigen::Vector3d::Zero();
+  int x_same_gyro = 0;
+  std::string x_imu_label, x_vehicle_label;
+  bool x_wheels_refused = false, x_gyro_frozen = false;
 };
 
 }  // namespace raceloc

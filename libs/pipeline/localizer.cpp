@@ -58,10 +58,10 @@ void LocalizerPolicy::describe(OptionList& keys) {
 }
 
 Localizer::Localizer(gpu::Context& context, const MapFile& map, const LocalizerOptions& options)
-    : x_context(context),
+    : x_history(options.matching.motion, options.matching.calibration),
+      x_context(context),
       x_options(options),
-      x_window(context, map, options.matching.registration.voxel_size_m, options.policy.map_radius_m),
-      x_history(options.matching.motion) {}
+      x_window(context, map, options.matching.registration.voxel_size_m, options.policy.map_radius_m) {}
 
 std::vector<LocalizerOutput> Localizer::add(const Sample& sample) {
   std::vector<LocalizerOutput> outputs;
@@ -116,7 +116,7 @@ void Localizer::take(const GpsFix& fix, std::vector<LocalizerOutput>& outputs) {
   receiver.unused.push_back({fix.stamp_s, *body});
   if (receiver.unused.size() > kMostWaiting) receiver.unused.pop_front();
 
-  const bool matching = x_last_match_s && fix.stamp_s - *x_last_match_s < x_options.policy.match_alive_s;
+  const bool matching = x_last_match && fix.stamp_s - x_last_match->stamp_s < x_options.policy.match_alive_s;
   if (matching || !x_queue.empty() || fix.stamp_s <= x_stamp_s) return;
   predictTo(fix.stamp_s);
   outputs.push_back(decide(fix.stamp_s, takeFixes(), std::nullopt));
@@ -243,8 +243,13 @@ std::vector<PoseFix> Localizer::takeFixes() {
 }
 
 CovarianceCloud Localizer::prepared(const Scan& scan) {
-  const auto rates = x_history.ratesBetween(scan.stamp_s, endOfSweep(scan)).value_or(x_last_rates);
-  const DeskewedScan deskewed = deskew(scan, rates.speed_mps, rates.yaw_rate_rps, x_options.matching.crop);
+  const double end_s = endOfSweep(scan);
+  const auto sweep = x_history.sweep(scan.stamp_s, end_s);
+  Vector6d last = Vector6d::Zero();
+  last(2) = x_last_rates.yaw_rate_rps;
+  last(3) = x_last_rates.speed_mps;
+  const DeskewedScan deskewed =
+      deskew(scan, sweep ? *sweep : steadySweep(last, end_s - scan.stamp_s), x_options.matching.crop);
   return withCovariances(x_context,
                          voxelGrid(x_context, deskewed.cloud, x_options.matching.odometry.scan_voxel_m),
                          x_options.matching.covariance);
@@ -275,9 +280,15 @@ LocalizerOutput Localizer::decide(double stamp_s, std::vector<PoseFix> fixes,
                                    [&](const SourceVerdict& v) { return v.source == source && v.accepted; });
   };
   if (believed(kScanMatch)) {
-    x_T_map_body = scan_match->match.T_target_source;
-    x_match_covariance = scan_match->match.covariance;
-    x_last_match_s = stamp_s;
+    const Registration& match = scan_match->match;
+    constexpr double kLongest_s =
+        1;  // over longer, what calibration drifts counts more than what a match knows
+    if (x_last_match && stamp_s - x_last_match->stamp_s < kLongest_s)
+      x_history.observe(x_last_match->stamp_s, stamp_s,
+                        x_last_match->T_map_body.inverse() * match.T_target_source,
+                        x_last_match->covariance + match.covariance);
+    x_T_map_body = match.T_target_source;
+    x_last_match = BelievedMatch{stamp_s, match.T_target_source, match.covariance};
   }
   LocalizerOutput out = output();
   x_T_map_body = out.T_map_body;
@@ -292,8 +303,8 @@ LocalizerOutput Localizer::output() const {
   const Pose T = withPlanar(x_T_map_body, state.mean(0), state.mean(1), state.mean(2));
   // Height, roll and pitch have the last match's errors; before the first one, what a start leaves open.
   constexpr double kUnknownHeight_m = 1.0, kUnknownTilt_rad = 0.1;
-  Matrix6d covariance = x_match_covariance;
-  if (!x_last_match_s) {
+  Matrix6d covariance = x_last_match ? x_last_match->covariance : Matrix6d(Matrix6d::Zero());
+  if (!x_last_match) {
     covariance.diagonal() << std::pow(kUnknownTilt_rad, 2), std::pow(kUnknownTilt_rad, 2), 0, 0, 0,
         std::pow(kUnknownHeight_m, 2);
   }
@@ -308,7 +319,7 @@ LocalizerOutput Localizer::output() const {
   const Eigen::Vector2d cross = R * state.covariance.block<2, 1>(0, 2);
   covariance.block<2, 1>(3, 2) = cross;
   covariance.block<1, 2>(2, 3) = cross.transpose();
-  return {x_stamp_s, T, covariance, x_by_wheels, {}, std::nullopt, std::nullopt};
+  return {x_stamp_s, T, covariance, x_by_wheels, x_history.faults(), {}, std::nullopt, std::nullopt};
 }
 
 }  // namespace raceloc

@@ -61,6 +61,7 @@ struct LocalizerOutput {
   Pose T_map_body;
   Matrix6d covariance;  ///< right increment (rad, m); height, roll and pitch from the last trusted match
   bool by_wheels;       ///< false: speed and yaw rate were missing and the last ones went on
+  std::vector<std::string> faults;       ///< sources of motion that were dropped, and why
   std::vector<PoseFix> fixes;            ///< what the sources said, carried forward to stamp_s
   std::optional<GateDecision> decision;  ///< none: dead reckoning, no source was due
   std::optional<ScanMatch> scan_match;   ///< when a sweep was matched
@@ -128,29 +129,34 @@ class Localizer {
   [[nodiscard]] std::vector<PoseFix> takeFixes();
   [[nodiscard]] LocalizerOutput output() const;
 
-  gpu::Context& x_context;
-  LocalizerOptions x_options;
-  TileWindow x_window;
-  MotionHistory x_history;
-  ScanQueue x_queue;
-  std::map<std::string, Receiver> x_receivers;
   struct StartPlace {
     double first_fix_s;  ///< when waiting began
     double stamp_s;
     std::string receiver;
     Pose T_map_body;
   };
-  std::optional<StartPlace> x_start_place;
-  std::optional<StartReport> x_start;
+  struct BelievedMatch {
+    double stamp_s;
+    Pose T_map_body;
+    Matrix6d covariance;
+  };
+  // What is aligned to 16 bytes comes first: less padding.
   std::optional<FusionFilter> x_filter;
+  /** Planar part from the filter, the rest from the last trusted match. */
+  Pose x_T_map_body = Pose::Identity();
+  std::optional<StartPlace> x_start_place;
+  std::optional<BelievedMatch> x_last_match;
+  MotionHistory x_history;
+  gpu::Context& x_context;
   double x_stamp_s = 0;  ///< the filter's time
-  Pose x_T_map_body =
-      Pose::Identity();  ///< planar part from the filter, the rest from the last trusted match
-  Matrix6d x_match_covariance = Matrix6d::Zero();
-  std::optional<double> x_last_match_s;
-  MotionHistory::Rates x_last_rates{0, 0};
-  bool x_by_wheels = true;
   std::size_t x_passed_over = 0;
+  MotionHistory::Rates x_last_rates{0, 0};
+  std::map<std::string, Receiver> x_receivers;
+  std::optional<StartReport> x_start;
+  ScanQueue x_queue;
+  LocalizerOptions x_options;
+  TileWindow x_window;
+  bool x_by_wheels = true;
 };
 
 }  // namespace raceloc

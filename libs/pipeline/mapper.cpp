@@ -10,7 +10,6 @@
 #include "core/errors.h"
 #include "core/labels.h"
 #include "core/statistics.h"
-#include "odometry/scan_queue.h"
 #include "pipeline/device_watch.h"
 
 namespace raceloc {
@@ -91,42 +90,28 @@ std::optional<KeyAttitude> attitudeAt(const ReceiverTrack& track, double stamp_s
 class Survey {
  public:
   Survey(gpu::Context& context, const MapperOptions& options)
-      : x_context(context),
-        x_options(options),
-        x_history(options.matching.motion),
-        x_odometry(context, options.matching.odometry, options.matching.crop, options.matching.covariance,
-                   options.matching.registration) {}
+      : x_context(context), x_options(options), x_stream(odometryStream(context, options.matching)) {}
 
-  void add(Sample sample) {
-    const double now_s = stampOf(sample);
-    std::visit([this](auto& s) { take(std::move(s)); }, sample);
-    while (auto scan = x_queue.pop(x_history, now_s)) process(*scan);
+  void add(const Sample& sample) {
+    if (const auto* fix = std::get_if<GpsFix>(&sample)) receivers[fix->label].fixes.push_back(*fix);
+    if (const auto* pose = std::get_if<InsPose>(&sample)) receivers[pose->label].poses.push_back(*pose);
+    for (OdometryStep& step : x_stream.add(sample)) take(std::move(step));
   }
   void finish() {
-    while (auto scan = x_queue.popAny()) process(*scan);
+    for (OdometryStep& step : x_stream.finish()) take(std::move(step));
   }
+  [[nodiscard]] const OdometryStream& stream() const { return x_stream; }
 
   std::vector<Keyframe> keyframes;
   std::vector<Cloud> key_clouds;  ///< body frame, thinned to the map's spacing
   std::map<std::string, ReceiverTrack> receivers;
   Trajectory odometry;
-  std::size_t scans = 0, trusted = 0, by_wheels = 0, restarts = 0, passed_over = 0;
+  std::size_t scans = 0, trusted = 0, by_wheels = 0, restarts = 0;
   double length_m = 0;
   std::vector<double> residuals_m, inlier_shares;
 
  private:
-  void take(GpsFix fix) { receivers[fix.label].fixes.push_back(std::move(fix)); }
-  void take(InsPose pose) { receivers[pose.label].poses.push_back(std::move(pose)); }
-  void take(const ImuSample& sample) { x_history.add(sample); }
-  void take(const MotionSample& sample) { x_history.add(sample); }
-  void take(Scan scan) { x_queue.push(std::move(scan)); }
-
-  void process(const Scan& scan) {
-    if (!odometry.poses.empty() && endOfSweep(scan) <= odometry.poses.back().stamp_s) {
-      ++passed_over;
-      return;
-    }
-    OdometryStep step = x_odometry.add(scan, x_history);
+  void take(OdometryStep step) {
     ++scans;
     if (step.trusted) ++trusted;
     if (step.by_wheels) ++by_wheels;
@@ -151,9 +136,7 @@ class Survey {
 
   gpu::Context& x_context;
   const MapperOptions& x_options;
-  MotionHistory x_history;
-  ScanQueue x_queue;
-  LivOdometry x_odometry;
+  OdometryStream x_stream;
   BodyMotion x_since_key;
 };
 
@@ -203,9 +186,9 @@ BuiltMap buildMap(const std::string& log_path, const MapperOptions& options, con
   DeviceWatch watch(context, device.self_test_every_s);
   Survey survey(context, options);
   LogReader reader(log_path, log);
-  while (auto sample = reader.next()) {
+  while (const auto sample = reader.next()) {
     watch.at(stampOf(*sample));
-    survey.add(std::move(*sample));
+    survey.add(*sample);
     progress(0.8 * reader.progress());
   }
   survey.finish();
@@ -270,7 +253,8 @@ BuiltMap buildMap(const std::string& log_path, const MapperOptions& options, con
                   built.tiles.tiles().size(),
                   reader.droppedLate(),
                   survey.restarts,
-                  survey.passed_over};
+                  survey.stream().passedOver(),
+                  survey.stream().faults()};
   progress(1.0);
   return built;
 }

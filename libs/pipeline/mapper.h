@@ -3,6 +3,7 @@
 #pragma once
 
 #include <functional>
+#include <map>
 #include <optional>
 #include <string>
 #include <vector>
@@ -49,6 +50,7 @@ struct MapReport {
   bool graph_converged;
   WallThickness walls;
   std::size_t points, tiles, dropped_late, restarts, passed_over;
+  std::map<std::string, std::size_t> faults;  ///< of the sources of motion; scans that did without them
 };
 
 struct BuiltMap {

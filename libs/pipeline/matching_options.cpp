@@ -19,6 +19,7 @@ void MatchingOptions::load(IniFile& ini) {
   ini.load("covariance", covariance);
   ini.load("registration", registration);
   ini.load("motion", motion);
+  ini.load("calibration", calibration);
   ini.load("odometry", odometry);
 }
 
@@ -26,7 +27,12 @@ std::string MatchingOptions::iniText() const {
   return raceloc::iniText("log", log) + "\n" + raceloc::iniText("device", device) + "\n" +
          raceloc::iniText("crop", crop) + "\n" + raceloc::iniText("covariance", covariance) + "\n" +
          raceloc::iniText("registration", registration) + "\n" + raceloc::iniText("motion", motion) + "\n" +
-         raceloc::iniText("odometry", odometry);
+         raceloc::iniText("calibration", calibration) + "\n" + raceloc::iniText("odometry", odometry);
+}
+
+OdometryStream odometryStream(gpu::Context& context, const MatchingOptions& o) {
+  return {MotionHistory(o.motion, o.calibration),
+          LivOdometry(context, o.odometry, o.crop, o.covariance, o.registration)};
 }
 
 }  // namespace raceloc

@@ -11,7 +11,7 @@
 #include "cloud/crop.h"
 #include "core/options.h"
 #include "odometry/liv_odometry.h"
-#include "odometry/motion_history.h"
+#include "odometry/odometry_stream.h"
 #include "registration/gicp_options.h"
 #include "sensors/rawlog.h"
 
@@ -32,10 +32,14 @@ struct MatchingOptions {
   CovarianceOptions covariance;
   GicpOptions registration;
   MotionOptions motion;
+  CalibrationOptions calibration;
   OdometryOptions odometry;
 
   void load(IniFile& ini);
   [[nodiscard]] std::string iniText() const;
 };
+
+/** LIV odometry as the options say. Keeps a reference to the context. */
+[[nodiscard]] OdometryStream odometryStream(gpu::Context& context, const MatchingOptions& options);
 
 }  // namespace raceloc

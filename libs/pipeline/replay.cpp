@@ -81,6 +81,7 @@ class Tally {
       ++x_report.dead_reckoned;
     }
     if (!output.by_wheels) ++x_report.without_wheels;
+    for (const std::string& fault : output.faults) ++x_report.faults[fault];
     if (!output.scan_match) return;
     ++x_report.scans;
     if (!output.scan_match->trusted) return;
@@ -172,6 +173,47 @@ ReplayReport replay(const std::string& log_path, const std::string& map_path, co
         " m/s or more), nor such fixes for start_patience_s, by GPS labelled " + log.gps_labels +
         "; is the map of this place?");
   if (annotated) annotated->commit();
+  return report;
+}
+
+OdometryReport replayOdometry(const std::string& log_path, const ReplayOptions& options,
+                              const std::function<void(double)>& progress) {
+  const MatchingOptions& matching = options.localizer.matching;
+  const LogSummary summary = summarizeRawlog(log_path);
+  requireDevice(summary, "lidar", matching.log.lidar_labels);
+  requireSomethingToDisable(summary, options.live.disable_labels);
+  gpu::Context context(matching.device.device, 0, matching.device.threads);
+  DeviceWatch watch(context, matching.device.self_test_every_s);
+  OdometryStream stream = odometryStream(context, matching);
+  LogReader reader(log_path, matching.log);
+  OdometryReport report{};
+  const auto hand = [&](const std::vector<OdometryStep>& steps) {
+    for (const OdometryStep& step : steps) {
+      ++report.scans;
+      report.trusted_scans += step.trusted ? 1 : 0;
+      report.scans_by_wheels += step.by_wheels ? 1 : 0;
+      report.restarts += step.restarted ? 1 : 0;
+      report.length_m += step.since_last.T_start_end.translation().norm();
+      report.trajectory.poses.push_back({step.stamp_s, step.T_odom_body});
+    }
+  };
+  while (const auto sample = reader.next()) {
+    progress(reader.progress());
+    if (stampOf(*sample) >= summary.first_s + options.live.disable_after_s &&
+        matchesLabel(options.live.disable_labels, labelOf(*sample)))
+      continue;
+    watch.at(stampOf(*sample));
+    hand(stream.add(*sample));
+  }
+  hand(stream.finish());
+  const MotionCalibration& calibration = stream.history().calibration();
+  report.device_reason = context.reason();
+  report.recorded_s = summary.last_s - summary.first_s;
+  report.passed_over = stream.passedOver();
+  report.dropped_late = reader.droppedLate();
+  report.faults = stream.faults();
+  report.calibration = calibration.mean();
+  report.calibration_sigma = calibration.covariance().diagonal().cwiseSqrt();
   return report;
 }
 

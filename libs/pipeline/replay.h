@@ -3,6 +3,7 @@
 #pragma once
 
 #include <functional>
+#include <map>
 #include <optional>
 #include <string>
 
@@ -34,7 +35,8 @@ struct ReplayReport {
   std::optional<StartReport> start;
   std::size_t scans, trusted_matches, outputs, dead_reckoned, alarms, disabled_samples, dropped_late,
       tile_loads, without_wheels, passed_over;
-  std::size_t rule_counts[5];                                     ///< decisions by GateRule; [0] is unused
+  std::size_t rule_counts[5];                 ///< decisions by GateRule; [0] is unused
+  std::map<std::string, std::size_t> faults;  ///< of the sources of motion; outputs that did without them
   double match_residual_m, match_inlier_share, match_iterations;  ///< medians over the trusted matches
   double match_p99_s, match_median_s;  ///< wall time from a sweep's samples to its pose
   Trajectory trajectory;
@@ -47,5 +49,20 @@ struct ReplayReport {
 [[nodiscard]] ReplayReport replay(const std::string& log_path, const std::string& map_path,
                                   const std::string& output_path, const ReplayOptions& options,
                                   const std::function<void(double)>& progress);
+
+/** What odometry without a map tells. */
+struct OdometryReport {
+  std::string device_reason;
+  double recorded_s, length_m;
+  std::size_t scans, trusted_scans, scans_by_wheels, restarts, passed_over, dropped_late;
+  std::map<std::string, std::size_t> faults;  ///< of the sources of motion; scans that did without them
+  CalibrationVector calibration, calibration_sigma;
+  Trajectory trajectory;  ///< in the frame of the first scan's body
+};
+
+/** LIV odometry of a log, without a map. \throws InputError for a log that cannot be read or has no scan of the
+ * configured label. */
+[[nodiscard]] OdometryReport replayOdometry(const std::string& log_path, const ReplayOptions& options,
+                                            const std::function<void(double)>& progress);
 
 }  // namespace raceloc

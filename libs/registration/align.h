@@ -23,8 +23,12 @@ struct Registration {
   int iterations;
   gpu::Stop stop;
   [[nodiscard]] bool trusted(const GicpOptions& options) const {
-    return stop == gpu::Stop::converged && inlier_share >= options.min_inlier_share &&
-           residual_m <= options.max_residual_m;
+    return stop == gpu::Stop::converged && plausible(options);
+  }
+  /** As trusted(), but it may still have been on its way along the weakest direction. */
+  [[nodiscard]] bool plausible(const GicpOptions& options) const {
+    return (stop == gpu::Stop::converged || stop == gpu::Stop::max_iterations) &&
+           inlier_share >= options.min_inlier_share && residual_m <= options.max_residual_m;
   }
 };
 

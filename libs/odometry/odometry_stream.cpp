@@ -1,0 +1,31 @@
+#include "odometry/odometry_stream.h"
+
+namespace raceloc {
+
+std::vector<OdometryStep> OdometryStream::add(const Sample& sample) {
+  if (const auto* scan = std::get_if<Scan>(&sample)) x_queue.push(*scan);
+  if (const auto* imu = std::get_if<ImuSample>(&sample)) x_history.add(*imu);
+  if (const auto* motion = std::get_if<MotionSample>(&sample)) x_history.add(*motion);
+  std::vector<OdometryStep> steps;
+  while (const auto scan = x_queue.pop(x_history, stampOf(sample))) process(*scan, steps);
+  return steps;
+}
+
+std::vector<OdometryStep> OdometryStream::finish() {
+  std::vector<OdometryStep> steps;
+  while (const auto scan = x_queue.popAny()) process(*scan, steps);
+  return steps;
+}
+
+void OdometryStream::process(const Scan& scan, std::vector<OdometryStep>& steps) {
+  const double end_s = endOfSweep(scan);
+  if (x_last_s && end_s <= *x_last_s) {
+    ++x_passed_over;
+    return;
+  }
+  x_last_s = end_s;
+  steps.push_back(x_odometry.add(scan, x_history));
+  for (const std::string& fault : x_history.faults()) ++x_faults[fault];
+}
+
+}  // namespace raceloc

@@ -1,0 +1,173 @@
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include "odometry/motion_history.h"
+#include "support/forall.h"
+#include "support/plain_car.h"
+
+namespace raceloc {
+namespace {
+
+using test::forAll;
+using test::plainCalibration;
+using test::plainMotion;
+using test::Random;
+using ::testing::ElementsAre;
+using ::testing::HasSubstr;
+using ::testing::IsEmpty;
+
+constexpr double kGravity_mps2 = 9.81;
+
+/** A car at constant speed on a flat circle, sampled at 100 Hz. */
+struct Cruise {
+  double speed_mps = 50, yaw_rate_rps = 0.1;
+
+  [[nodiscard]] ImuSample imu(double stamp_s, Random& rnd) const {
+    return {stamp_s,
+            "imu",
+            {rnd.normal(1e-3), rnd.normal(1e-3), yaw_rate_rps + rnd.normal(1e-3)},
+            {rnd.normal(0.1), speed_mps * yaw_rate_rps + rnd.normal(0.1), kGravity_mps2 + rnd.normal(0.1)}};
+  }
+  [[nodiscard]] MotionSample wheels(double stamp_s, double wheel_mps) const {
+    return {stamp_s, "vehicle", wheel_mps, yaw_rate_rps, std::nullopt};
+  }
+};
+
+TEST(MotionHistory, DropsAFrozenGyroAndNamesIt) {
+  Random rnd(1);
+  const Cruise straight{50, 0}, bend{50, 0.3};
+  MotionHistory history(plainMotion(), plainCalibration());
+  ImuSample frozen = straight.imu(0, rnd);
+  for (int i = 0; i <= 200; ++i) {
+    const double t = 0.01 * i;
+    const Cruise& now = t < 1 ? straight : bend;
+    frozen.stamp_s = t;
+    history.add(t < 1 ? straight.imu(t, rnd) : frozen);  // the bend begins when the gyro dies
+    history.add(now.wheels(t, 50));
+    if (i == 90) {
+      EXPECT_THAT(history.faults(), IsEmpty());
+    }
+  }
+  EXPECT_THAT(history.faults(), ElementsAre(HasSubstr("imu: frozen")));
+  EXPECT_NEAR(history.ratesBetween(1.2, 2.0)->yaw_rate_rps, 0.3, 0.01);  // the car's own
+  history.add(bend.imu(2.01, rnd));
+  EXPECT_THAT(history.faults(), IsEmpty());
+}
+
+struct WheelFault {
+  const char* name;
+  double factor;
+};
+class MotionHistoryWithWheelFault : public ::testing::TestWithParam<WheelFault> {};
+
+TEST_P(MotionHistoryWithWheelFault, GoesOnAtTheLikelySpeedAndNamesIt) {
+  forAll(10, [&](Random& rnd) {
+    const Cruise car{rnd.uniform(15, 70), rnd.uniform(-0.2, 0.2)};
+    MotionHistory history(plainMotion(), plainCalibration());
+    const auto drive = [&](int from, int to, double factor) {
+      for (int i = from; i < to; ++i) {
+        history.add(car.imu(0.01 * i, rnd));
+        history.add(car.wheels(0.01 * i, factor * car.speed_mps + rnd.normal(0.05)));
+      }
+    };
+    drive(0, 200, 1);
+    EXPECT_THAT(history.faults(), IsEmpty());
+    drive(200, 250, GetParam().factor);
+    EXPECT_THAT(history.faults(), ElementsAre(HasSubstr("vehicle: wheel speed")));
+    // Half a second by a force whose error is not known to better than 0.5 m/s^2.
+    EXPECT_NEAR(history.ratesBetween(2.0, 2.49)->speed_mps, car.speed_mps, 0.5);
+    drive(250, 300, 1);
+    EXPECT_THAT(history.faults(), IsEmpty());
+    EXPECT_NEAR(history.ratesBetween(2.8, 2.99)->speed_mps, car.speed_mps, 0.1);
+  });
+}
+
+INSTANTIATE_TEST_SUITE_P(That, MotionHistoryWithWheelFault,
+                         ::testing::Values(WheelFault{"locks", 0}, WheelFault{"spins", 1.2}),
+                         [](const auto& fault) { return std::string(fault.param.name); });
+
+TEST(MotionHistory, LeavesOutAGyroThatBothOthersContradict) {
+  Random rnd(3);
+  const Cruise car{30, 0.2};
+  MotionOptions options = plainMotion();
+  options.understeer_deg_per_mps2 = 0;
+  MotionHistory history(options, plainCalibration());
+  for (int i = 0; i <= 100; ++i) {
+    ImuSample imu = car.imu(0.01 * i, rnd);
+    imu.gyro_body_rps.z() -= 1.5;  // more than the steering's offset, yet unknown, could explain
+    history.add(imu);
+    MotionSample wheels = car.wheels(0.01 * i, car.speed_mps);
+    wheels.steering_rad = std::atan(options.wheelbase_m * car.yaw_rate_rps / car.speed_mps);
+    history.add(wheels);
+  }
+  EXPECT_NEAR(history.ratesBetween(0.2, 0.8)->yaw_rate_rps, car.yaw_rate_rps, 1e-6);
+}
+
+TEST(MotionHistory, IgnoresWhatIsNoNumberAndWhatIsOld) {
+  MotionHistory history(plainMotion(), plainCalibration());
+  for (int i = 0; i <= 10; ++i) history.add(MotionSample{0.1 * i, "vehicle", 20, 0.1});
+  const auto before = history.ratesBetween(0.1, 0.9);
+  history.add(MotionSample{0.5, "vehicle", 99, 9});
+  history.add(MotionSample{1.1, "vehicle", std::nan(""), 0});
+  history.add(ImuSample{1.1, "imu", {0, 0, std::nan("")}, {0, 0, kGravity_mps2}});
+  EXPECT_EQ(history.knownUntil_s(), 1.0);
+  EXPECT_EQ(history.ratesBetween(0.1, 0.9)->speed_mps, before->speed_mps);
+}
+
+/** Truth by a calibration, measured with noise: what is learnt is within its own sigmas. */
+TEST(MotionCalibrationProperty, LearnsWhatIsWrongWithTheSources) {
+  forAll(20, [](Random& rnd) {
+    MotionCalibration learnt({});
+    const CalibrationVector start = learnt.mean();
+    const CalibrationVector sigma = learnt.covariance().diagonal().cwiseSqrt();
+    CalibrationVector truth = start;
+    for (int k = 0; k < kCalibrations; ++k) truth(k) += rnd.normal(sigma(k));
+    Matrix6d noise = Matrix6d::Zero();
+    noise.diagonal() << 1e-6, 1e-6, 1e-6, 1e-3, 1e-3, 1e-3;
+    int believed = 0;
+    for (int scan = 0; scan < 300; ++scan) {
+      BodyRates rates;
+      rates.twist << 0, 0, rnd.normal(0.2), rnd.uniform(20, 70), 0, 0;
+      rates.noise_density.setConstant(1e-8);
+      for (int k = 0; k < 3; ++k) rates.J_calibration(k, k) = -1;
+      const double forward_mps = rates.twist(3);
+      rates.J_calibration(3, kWheelScale) = forward_mps;
+      rates.J_calibration(3, kTraction) = -rnd.uniform(-8, 8) * forward_mps;
+      rates.J_calibration(4, kSideslip) = -rnd.uniform(-15, 15) * forward_mps;
+      rates.twist += rates.J_calibration * (learnt.mean() - start);  // as the sources are read now
+      Preintegration motion;
+      for (int i = 0; i < 20; ++i) motion.append(rates, 0.005);
+      BodyRates true_rates = rates;
+      true_rates.twist += rates.J_calibration * (truth - learnt.mean());
+      Preintegration true_motion;
+      for (int i = 0; i < 20; ++i) true_motion.append(true_rates, 0.005);
+      Vector6d error;
+      for (int i = 0; i < 6; ++i) error(i) = rnd.normal(std::sqrt(noise(i, i)));
+      believed += learnt.observe(motion, true_motion.T_start_end * se3Exp(error), noise) ? 1 : 0;
+    }
+    EXPECT_GT(believed, 295);  // 1 of 1000 is beyond chance
+    const CalibrationVector left = learnt.covariance().diagonal().cwiseSqrt();
+    for (const int k : {kGyroBiasX, kGyroBiasY, kGyroBiasZ, kWheelScale, kTraction, kSideslip}) {
+      EXPECT_LT(left(k), 0.3 * sigma(k)) << k;
+      EXPECT_LT(std::abs(learnt.mean()(k) - truth(k)), 5 * left(k))
+          << k;  // and the random walk that did not happen
+    }
+    EXPECT_NEAR(learnt.mean()(kSteeringOffset), start(kSteeringOffset), 1e-12);  // nothing told
+  });
+}
+
+TEST(MotionCalibration, DoesNotLearnFromAContradiction) {
+  MotionCalibration learnt({});
+  BodyRates rates;
+  rates.twist(3) = 50;
+  rates.J_calibration(3, kWheelScale) = 50;
+  Preintegration motion;
+  motion.append(rates, 0.1);
+  const CalibrationVector before = learnt.mean();
+  const Pose jumped = motion.T_start_end * Eigen::Translation3d(0, 3, 0);
+  EXPECT_FALSE(learnt.observe(motion, jumped, 1e-3 * Matrix6d::Identity()));
+  EXPECT_EQ(learnt.mean(), before);
+}
+
+}  // namespace
+}  // namespace raceloc
