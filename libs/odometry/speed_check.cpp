@@ -11,6 +11,8 @@ constexpr double kForceErrorWalk_mps2 = 0.3;     // in a second
 constexpr double kForceNoise_mps2 = 0.5;         // white, at 100 Hz
 constexpr double kHardestWithoutForce_mps2 = 8;  // a racing car brakes harder, but not for long
 constexpr double kBeyondChance = 25;             // 5 sigma, squared
+constexpr double kAgreement = 4;                 // 2 sigma, squared
+constexpr int kAgreedForLong = 10;
 
 }  // namespace
 
@@ -26,7 +28,10 @@ bool SpeedCheck::accept(double stamp_s, double wheel_mps, double wheel_sigma_mps
   predict(stamp_s - *x_last_s, force_mps2);
   x_last_s = stamp_s;
   const double off_mps = wheel_mps - x_mean(0);
-  if (off_mps * off_mps > kBeyondChance * (x_covariance(0, 0) + variance)) return false;
+  const double chance = off_mps * off_mps / (x_covariance(0, 0) + variance);
+  x_agreed_in_a_row = chance < kAgreement ? x_agreed_in_a_row + 1 : 0;
+  x_refusing = x_refusing ? x_agreed_in_a_row < kAgreedForLong : chance > kBeyondChance;
+  if (x_refusing) return false;
   update(wheel_mps, variance);
   return true;
 }

@@ -3,12 +3,14 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <cmath>
 #include <optional>
 
 namespace raceloc {
 
 /** The speed that force and scan matches make likely: a Kalman filter over speed and the error of the force along the car
- * (bias, grade). A wheel speed beyond chance (locked, spinning, frozen) is refused. */
+ * (bias, grade). A wheel speed beyond chance (locked, spinning, frozen) is refused; wheels that were refused are believed
+ * again only when they have agreed well for a while, because what is likely becomes vague without them. */
 class SpeedCheck {
  public:
   /** The next wheel speed, in order of time. \param force_mps2 along the car, mean since the last one; none: unknown
@@ -26,6 +28,8 @@ class SpeedCheck {
   void update(double speed_mps, double variance);
 
   std::optional<double> x_last_s;
+  bool x_refusing = false;
+  int x_agreed_in_a_row = 0;
   Eigen::Vector2d x_mean = Eigen::Vector2d::Zero();  ///< speed [m/s], force's error [m/s^2]
   Eigen::Matrix2d x_covariance = Eigen::Matrix2d::Zero();
 };

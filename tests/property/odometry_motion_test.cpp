@@ -86,6 +86,24 @@ INSTANTIATE_TEST_SUITE_P(That, MotionHistoryWithWheelFault,
                          ::testing::Values(WheelFault{"locks", 0}, WheelFault{"spins", 1.2}),
                          [](const auto& fault) { return std::string(fault.param.name); });
 
+TEST(MotionHistory, DoesNotTireOfRefusingWheelsThatSpinForLong) {
+  Random rnd(4);
+  const Cruise car{28, 0};
+  MotionHistory history(plainMotion(), plainCalibration());
+  const Matrix6d covariance = 0.01 * Matrix6d::Identity();  // scan matches of 0.1 m, ten a second
+  for (int i = 0; i <= 1200; ++i) {
+    const double t = 0.01 * i;
+    history.add(car.imu(t, rnd));
+    history.add(car.wheels(t, t < 2 ? car.speed_mps : 1.2 * car.speed_mps));
+    if (i % 10 != 0 || i < 10) continue;
+    Vector6d moved = Vector6d::Zero();
+    moved(3) = 0.1 * car.speed_mps + rnd.normal(0.1);
+    history.observe(t - 0.1, t, se3Exp(moved), covariance);
+  }
+  EXPECT_THAT(history.faults(), ElementsAre(HasSubstr("wheel speed")));
+  EXPECT_NEAR(history.ratesBetween(11, 12)->speed_mps, car.speed_mps, 2);  // 5.6 too fast by the wheels
+}
+
 TEST(MotionHistory, LeavesOutAGyroThatBothOthersContradict) {
   Random rnd(3);
   const Cruise car{30, 0.2};
