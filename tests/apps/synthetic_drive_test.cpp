@@ -38,6 +38,34 @@ TEST(SyntheticDrive, BadGpsIsRejected) {
   EXPECT_GT(noisy.covered_s, clean.covered_s - 1);
 }
 
+TEST(SyntheticDrive, IsFollowedWithoutAMapToo) {
+  const TemporaryFolder out;
+  const auto live = runCommand({app("raceloc-live"), "-c", ini("live.ini"), "--odometry-only", "-i",
+                                kDrive.race(), "--trajectory", out / "odometry.tum"});
+  ASSERT_EQ(live.exit_code, 0) << live.err;
+  EXPECT_THAT(live.out, HasSubstr("wheel scale"));
+  const auto eval = runCommand({app("raceloc-eval"), "--align", "se3", "--truth", kDrive.truth(),
+                                "--estimate", out / "odometry.tum", "--json", out / "figures.json"});
+  ASSERT_EQ(eval.exit_code, 0) << eval.err;
+  const auto figures = nlohmann::json::parse(readFile(out / "figures.json"));
+  EXPECT_LT(figures.at("errors").at("position_3d_m").at("rmse"), kTolerance_m);
+}
+
+TEST(SyntheticDrive, OdometryAloneTakesNoMap) {
+  const TemporaryFolder out;
+  const std::vector<std::string> odometry{app("raceloc-live"), "-c", ini("live.ini"),
+                                          "--odometry-only",   "-i", kDrive.race()};
+  const auto refused = [&](const std::vector<std::string>& more, const std::string& why) {
+    auto command = odometry;
+    command.insert(command.end(), more.begin(), more.end());
+    const auto run = runCommand(command);
+    EXPECT_EQ(run.exit_code, 2);
+    EXPECT_THAT(run.err, HasSubstr(why));
+  };
+  refused({}, "--trajectory");
+  refused({"--trajectory", out / "x.tum", "-m", kDrive.map()}, "no map");
+}
+
 TEST(SyntheticDrive, GivesTheSameBitsTwice) {
   const TemporaryFolder out, again_out;
   const auto run = localize(kDrive, kDrive.race(), out), again = localize(kDrive, kDrive.race(), again_out);
