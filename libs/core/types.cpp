@@ -66,6 +66,14 @@ Matrix6d adjoint(const Pose& pose) {
   return ad;
 }
 
+Matrix6d smallAdjoint(const Vector6d& xi) {
+  Matrix6d ad = Matrix6d::Zero();
+  ad.topLeftCorner<3, 3>() = skew(xi.head<3>());
+  ad.bottomRightCorner<3, 3>() = skew(xi.head<3>());
+  ad.bottomLeftCorner<3, 3>() = skew(xi.tail<3>());
+  return ad;
+}
+
 BodyMotion then(const BodyMotion& first, const BodyMotion& second) {
   const Matrix6d ad = adjoint(second.T_start_end.inverse());
   return {first.duration_s + second.duration_s, first.T_start_end * second.T_start_end,

@@ -55,7 +55,8 @@ struct BodyMotion {
  * @{ */
 [[nodiscard]] Pose se3Exp(const Vector6d& rotation_translation);  ///< full exponential, translation through V
 [[nodiscard]] Vector6d se3Log(const Pose& pose);                  ///< its inverse, rotation angle in [0, pi]
-[[nodiscard]] Matrix6d adjoint(const Pose& pose);  ///< T exp(xi) T^-1 = exp(Ad(T) xi), Eq. (175)
+[[nodiscard]] Matrix6d adjoint(const Pose& pose);         ///< T exp(xi) T^-1 = exp(Ad(T) xi), Eq. (175)
+[[nodiscard]] Matrix6d smallAdjoint(const Vector6d& xi);  ///< ad(xi), Ad(exp(xi)) = exp(ad(xi))
 /** @} */
 
 constexpr double kDegree = M_PI / 180;             ///< one degree [rad]

@@ -105,9 +105,10 @@ std::vector<std::string> MotionHistory::faults() const {
 std::optional<double> MotionHistory::knownUntil_s() const {
   const auto& speed = x_speed.samples();
   if (speed.empty()) return std::nullopt;
-  // A source of yaw rate that has died is not waited for.
+  // A source of yaw rate that is dead or frozen is not waited for.
   const auto& gyro = x_gyro_rps.samples();
-  const bool gyro_lives = !gyro.empty() && speed.back().stamp_s - gyro.back().stamp_s < x_options.max_gap_s;
+  const bool gyro_lives =
+      !x_gyro_frozen && !gyro.empty() && speed.back().stamp_s - gyro.back().stamp_s < x_options.max_gap_s;
   return gyro_lives ? std::min(speed.back().stamp_s, gyro.back().stamp_s) : speed.back().stamp_s;
 }
 

@@ -1,13 +1,16 @@
 #include "odometry/odometry_stream.h"
 
+#include <utility>
+
 namespace raceloc {
 
-std::vector<OdometryStep> OdometryStream::add(const Sample& sample) {
-  if (const auto* scan = std::get_if<Scan>(&sample)) x_queue.push(*scan);
+std::vector<OdometryStep> OdometryStream::add(Sample sample) {
+  const double now_s = stampOf(sample);
+  if (auto* scan = std::get_if<Scan>(&sample)) x_queue.push(std::move(*scan));
   if (const auto* imu = std::get_if<ImuSample>(&sample)) x_history.add(*imu);
   if (const auto* motion = std::get_if<MotionSample>(&sample)) x_history.add(*motion);
   std::vector<OdometryStep> steps;
-  while (const auto scan = x_queue.pop(x_history, stampOf(sample))) process(*scan, steps);
+  while (const auto scan = x_queue.pop(x_history, now_s)) process(*scan, steps);
   return steps;
 }
 

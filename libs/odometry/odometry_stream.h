@@ -19,7 +19,7 @@ class OdometryStream {
       : x_history(std::move(history)), x_odometry(std::move(odometry)) {}
 
   /** In order of time; fixes and INS poses are not for this. \throws InputError as ScanQueue::push() does. */
-  [[nodiscard]] std::vector<OdometryStep> add(const Sample& sample);
+  [[nodiscard]] std::vector<OdometryStep> add(Sample sample);
   [[nodiscard]] std::vector<OdometryStep> finish();  ///< what still waits, at the end of the stream
 
   [[nodiscard]] const MotionHistory& history() const { return x_history; }

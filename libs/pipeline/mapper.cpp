@@ -92,10 +92,10 @@ class Survey {
   Survey(gpu::Context& context, const MapperOptions& options)
       : x_context(context), x_options(options), x_stream(odometryStream(context, options.matching)) {}
 
-  void add(const Sample& sample) {
+  void add(Sample sample) {
     if (const auto* fix = std::get_if<GpsFix>(&sample)) receivers[fix->label].fixes.push_back(*fix);
     if (const auto* pose = std::get_if<InsPose>(&sample)) receivers[pose->label].poses.push_back(*pose);
-    for (OdometryStep& step : x_stream.add(sample)) take(std::move(step));
+    for (OdometryStep& step : x_stream.add(std::move(sample))) take(std::move(step));
   }
   void finish() {
     for (OdometryStep& step : x_stream.finish()) take(std::move(step));
@@ -186,9 +186,9 @@ BuiltMap buildMap(const std::string& log_path, const MapperOptions& options, con
   DeviceWatch watch(context, device.self_test_every_s);
   Survey survey(context, options);
   LogReader reader(log_path, log);
-  while (const auto sample = reader.next()) {
+  while (auto sample = reader.next()) {
     watch.at(stampOf(*sample));
-    survey.add(*sample);
+    survey.add(std::move(*sample));
     progress(0.8 * reader.progress());
   }
   survey.finish();

@@ -197,13 +197,13 @@ OdometryReport replayOdometry(const std::string& log_path, const ReplayOptions& 
       report.trajectory.poses.push_back({step.stamp_s, step.T_odom_body});
     }
   };
-  while (const auto sample = reader.next()) {
+  while (auto sample = reader.next()) {
     progress(reader.progress());
     if (stampOf(*sample) >= summary.first_s + options.live.disable_after_s &&
         matchesLabel(options.live.disable_labels, labelOf(*sample)))
       continue;
     watch.at(stampOf(*sample));
-    hand(stream.add(*sample));
+    hand(stream.add(std::move(*sample)));
   }
   hand(stream.finish());
   const MotionCalibration& calibration = stream.history().calibration();

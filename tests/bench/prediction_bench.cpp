@@ -49,8 +49,8 @@ void run(const std::string& ini, const std::string& log, const std::string& trut
       errors.share.push_back(100 * error.tail<3>().norm() / std::max(1.0, T.translation().norm()));
     }
   };
-  while (const auto sample = reader.next()) {
-    for (const OdometryStep& step : stream.add(*sample)) {
+  while (auto sample = reader.next()) {
+    for (const OdometryStep& step : stream.add(std::move(*sample))) {
       ++scans;
       trusted += step.trusted ? 1 : 0;
       judge(step.stamp_s);

@@ -49,6 +49,7 @@ TEST(MotionHistory, DropsAFrozenGyroAndNamesIt) {
     }
   }
   EXPECT_THAT(history.faults(), ElementsAre(HasSubstr("imu: frozen")));
+  EXPECT_EQ(history.knownUntil_s(), 2.0);                                // nobody waits for it
   EXPECT_NEAR(history.ratesBetween(1.2, 2.0)->yaw_rate_rps, 0.3, 0.01);  // the car's own
   history.add(bend.imu(2.01, rnd));
   EXPECT_THAT(history.faults(), IsEmpty());
