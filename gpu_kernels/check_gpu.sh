@@ -61,8 +61,8 @@ if [[ $failed -eq 0 ]]; then
     fi
   done
   if [[ $bench == ON ]]; then
-    step benchmark "$build/gpu_kernels_bench" --benchmark_repetitions=5 --benchmark_report_aggregates_only=true \
-      --benchmark_out="$build/times.csv" --benchmark_out_format=csv
+    step benchmark "$build/gpu_kernels_bench" --benchmark_repetitions=5 --benchmark_min_time=0.1 \
+      --benchmark_report_aggregates_only=true --benchmark_out="$build/times.csv" --benchmark_out_format=csv
   fi
 fi
 

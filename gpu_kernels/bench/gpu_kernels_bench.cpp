@@ -4,6 +4,7 @@
 #include <benchmark/benchmark.h>
 
 #include <stdexcept>
+#include <string>
 
 #include "raceloc/gpu/covariance.h"
 #include "raceloc/gpu/matcher.h"
@@ -95,6 +96,11 @@ void BM_MapInsert(benchmark::State& state) {
 }
 BENCHMARK(BM_MapInsert)->DenseRange(0, 1)->UseRealTime()->Unit(benchmark::kMillisecond);
 
+std::string said(const Match& result) {
+  return std::to_string(result.iterations) +
+         (result.stop == Stop::converged ? " iterations" : " iterations, NOT converged");
+}
+
 /** Second argument: voxels tried around a point. */
 void BM_Match(benchmark::State& state) {
   onDevice(state, [&](Context& context) {
@@ -106,11 +112,42 @@ void BM_Match(benchmark::State& state) {
     options.neighbour_voxels = static_cast<int>(state.range(1));
     Match result;
     while (state.KeepRunning()) result = match(context, source.view(), C.view(), map, {}, options);
-    state.counters["iterations"] = result.iterations;
-    state.counters["converged"] = result.stop == Stop::converged ? 1 : 0;
+    state.SetLabel(said(result));
   });
 }
 BENCHMARK(BM_Match)->ArgsProduct({{0, 1}, {1, 7}})->UseRealTime()->Unit(benchmark::kMillisecond);
+
+/** Both clouds from raw points to the pose: grid, covariances, map of the target, match. */
+void BM_RawPairToPose(benchmark::State& state) {
+  onDevice(state, [&](Context& context) {
+    const test::ScanPair& raw = scans().raw;
+    Match result;
+    while (state.KeepRunning()) {
+      const Points target = voxelGrid(context, raw.target.view(), kLeaf_m);
+      VoxelMap map(context, kVoxel_m);
+      map.insert(target.view(), covariances(context, target.view(), {}).view(), {});
+      const Points source = voxelGrid(context, raw.source.view(), kLeaf_m);
+      result = match(context, source.view(), covariances(context, source.view(), {}).view(), map, {}, {});
+    }
+    state.SetLabel(said(result));
+  });
+}
+BENCHMARK(BM_RawPairToPose)->DenseRange(0, 1)->UseRealTime()->Unit(benchmark::kMillisecond);
+
+/** A raw scan to its pose in a map that is there: what raceloc-live does. */
+void BM_RawScanToPose(benchmark::State& state) {
+  onDevice(state, [&](Context& context) {
+    const Points& target = scans().target;
+    VoxelMap map(context, kVoxel_m);
+    map.insert(target.view(), covariances(context, target.view(), {}).view(), {});
+    while (state.KeepRunning()) {
+      const Points source = voxelGrid(context, scans().raw.source.view(), kLeaf_m);
+      benchmark::DoNotOptimize(
+          match(context, source.view(), covariances(context, source.view(), {}).view(), map, {}, {}));
+    }
+  });
+}
+BENCHMARK(BM_RawScanToPose)->DenseRange(0, 1)->UseRealTime()->Unit(benchmark::kMillisecond);
 
 }  // namespace
 }  // namespace raceloc::gpu
