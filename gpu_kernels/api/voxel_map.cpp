@@ -21,6 +21,13 @@ std::size_t VoxelMap::insert(const PointsView& points, const CovariancesView& co
       [&](VoxelTable& table) { return table.insert(points, covariances, T_map_points); });
 }
 
+std::size_t VoxelMap::fill(const PointsView& points, const CovariancesView& covariances,
+                           const Transform& T_map_points) {
+  requireSameSize(points, covariances);
+  return x_storage->changed(
+      [&](VoxelTable& table) { return table.insert(points, covariances, T_map_points, Into::empty); });
+}
+
 std::size_t VoxelMap::keepWithin(const std::array<double, 3>& centre_m, double distance_m) {
   return x_storage->changed([&](VoxelTable& table) { return table.keepWithin(centre_m, distance_m); });
 }

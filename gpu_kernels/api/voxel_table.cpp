@@ -48,7 +48,7 @@ std::int32_t VoxelTable::findOrAdd(const Cell& cell) {
 }
 
 std::size_t VoxelTable::insert(const PointsView& points, const CovariancesView& covariances,
-                               const Transform& T_map_points) {
+                               const Transform& T_map_points, Into into) {
   const auto& r = T_map_points.R;
   const Mat3<double> R{r[0], r[1], r[2], r[3], r[4], r[5], r[6], r[7], r[8]};
   const Vec3<double> t{T_map_points.t[0], T_map_points.t[1], T_map_points.t[2]};
@@ -66,11 +66,13 @@ std::size_t VoxelTable::insert(const PointsView& points, const CovariancesView& 
     }
     const std::int32_t record = findOrAdd(cell);
     Accumulator& sum = x_accumulators[static_cast<std::size_t>(record)];
+    const bool touched_now = sum.last_insertion == x_insertions;
+    if (into == Into::empty && sum.count > 0 && !touched_now) continue;
     sum.offset_m =
         sum.offset_m + Vec3<double>{p.x - centre(cell.x), p.y - centre(cell.y), p.z - centre(cell.z)};
     sum.covariance_m2 = sum.covariance_m2 + C;
     ++sum.count;
-    if (sum.last_insertion != x_insertions) touched.push_back(record);
+    if (!touched_now) touched.push_back(record);
     sum.last_insertion = x_insertions;
   }
   for (const std::int32_t i : touched) {

@@ -10,12 +10,15 @@
 
 namespace raceloc::gpu {
 
+/** Voxels that take points: any, or those only that were empty before the insertion. */
+enum class Into { any, empty };
+
 class VoxelTable {
  public:
   explicit VoxelTable(double voxel_size_m) : x_voxel_size_m(voxel_size_m) { rehash(0); }
 
   std::size_t insert(const PointsView& points, const CovariancesView& covariances,
-                     const Transform& T_map_points);
+                     const Transform& T_map_points, Into into = Into::any);
   std::size_t keepWithin(const std::array<double, 3>& centre_m, double distance_m);
   std::size_t keepNewest(std::size_t voxels);
   [[nodiscard]] VoxelGaussians contents() const;

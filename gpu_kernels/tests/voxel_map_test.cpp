@@ -46,6 +46,21 @@ void expectSame(const VoxelGaussians& actual, const std::map<VoxelIndex, Sums>& 
   }
 }
 
+TEST_P(Map, FillsOnlyVoxelsThatWereEmpty) {
+  VoxelMap map(context(), 0.8);
+  std::map<VoxelIndex, Sums> expected;
+  for (unsigned seed = 1; seed <= 4; ++seed) {
+    const Points p = randomCloud(seed, 500, 5);  // most of its voxels overlap those of the one before
+    const Covariances C = randomCovariances(seed, p.size());
+    const Transform T = pose({0, 0, 0.1 * seed}, {1.0 * seed, 0, 0});
+    EXPECT_EQ(map.fill(p.view(), C.view(), T), 0U);
+    std::map<VoxelIndex, Sums> of_this;
+    insertInto(of_this, 0.8, p, C, T);
+    expected.merge(of_this);  // keeps what it has
+    expectSame(map.contents(), expected);
+  }
+}
+
 TEST_P(Map, AveragesAllItEverTook) {
   VoxelMap map(context(), 0.8);
   std::map<VoxelIndex, Sums> expected;

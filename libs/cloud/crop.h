@@ -10,7 +10,7 @@ namespace raceloc {
 /** Section [crop]. */
 struct CropOptions {
   double min_range_m = 3.0;
-  double max_range_m = 80.0;
+  double max_range_m = 100.0;
   double own_car_front_m = 4.5;
   double own_car_rear_m = 1.5;
   double own_car_half_width_m = 1.2;

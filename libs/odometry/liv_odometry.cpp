@@ -1,5 +1,6 @@
 #include "odometry/liv_odometry.h"
 
+#include <algorithm>
 #include <stdexcept>
 #include <utility>
 
@@ -14,6 +15,8 @@ void OdometryOptions::describe(OptionList& keys) {
   keys.add("scan_voxel_m", scan_voxel_m, above(0), "scans are thinned to one point a voxel of this edge [m]");
   keys.add("local_map_radius_m", local_map_radius_m, above(0),
            "the local map reaches this far from the car [m]");
+  keys.add("key_scan_m", key_scan_m, atLeast(0),
+           "a scan goes into the local map when the car has moved this far since the last one that did [m]");
 }
 
 LivOdometry::LivOdometry(gpu::Context& context, const OdometryOptions& options, const CropOptions& crop,
@@ -87,12 +90,7 @@ OdometryStep LivOdometry::add(const Scan& scan, MotionHistory& history) {
     const auto wheels = history.between(*x_last_stamp_s, step.stamp_s);
     const Pose T_last_guess = wheels ? wheels->T_start_end : se3Exp(velocityOf(x_last_motion) * duration_s);
     const Pose T_guess = x_T_odom_body * T_last_guess;
-    const bool speed_unknown = !wheels && !x_ever_matched;
-    SearchOptions around;
-    around.radius_m = x_options.first_step_m;
-    around.step_m = 0.75 * x_gicp.voxel_size_m;
-    step.match = speed_unknown ? alignWithSearch(x_context, step.scan, x_local_map, T_guess, x_gicp, around)
-                               : align(x_context, step.scan, x_local_map, T_guess, x_gicp);
+    step.match = matched(step.scan, T_guess, wheels.has_value());
     step.trusted = wheels ? step.match.plausible(x_gicp) : step.match.trusted(x_gicp);
     Fused now{T_guess, (wheels ? wheels->covariance : Matrix6d(Matrix6d::Zero())) + kLost};
     if (step.trusted && wheels) {
@@ -118,14 +116,44 @@ OdometryStep LivOdometry::add(const Scan& scan, MotionHistory& history) {
     step.restarted = true;
     x_lost_in_a_row = 0;
   }
-  // A scan at a doubtful pose would spoil the map for those that follow.
-  const bool reckoned = step.by_wheels && history.faults().empty() && x_lost_in_a_row <= kMappedBlindly;
-  if (step.trusted || step.restarted || (reckoned && !step.scan.cloud.empty())) {
-    x_local_map.insert(viewOf(step.scan.cloud), step.scan.covariances.view(), toTransform(x_T_odom_body));
-    const Eigen::Vector3d p = x_T_odom_body.translation();
-    x_local_map.keepWithin({p.x(), p.y(), p.z()}, x_options.local_map_radius_m);
-  }
+  extendMap(step, step.by_wheels && history.faults().empty());
   return step;
+}
+
+Registration LivOdometry::matched(const CovarianceCloud& scan, const Pose& T_guess, bool by_wheels) const {
+  if (!by_wheels && !x_ever_matched) {
+    SearchOptions around;
+    around.radius_m = x_options.first_step_m;
+    around.step_m = 0.75 * x_gicp.voxel_size_m;
+    return alignWithSearch(x_context, scan, x_local_map, T_guess, x_gicp, around);
+  }
+  const auto believable = [&](const Registration& match) {
+    return by_wheels ? match.plausible(x_gicp) : match.trusted(x_gicp);
+  };
+  const Registration near = align(x_context, scan, x_local_map, T_guess, x_gicp);
+  if (believable(near)) return near;
+  // Pairs are looked for farther away, and the place that this gives is then matched as every other: a bad guess does not lock
+  // the odometry out.
+  constexpr int kFarthestVoxels = 27;
+  GicpOptions farther = x_gicp;
+  farther.neighbour_voxels = kFarthestVoxels;
+  farther.max_distance_m = std::max(x_gicp.max_distance_m, 2 * x_gicp.voxel_size_m);
+  const Registration far = align(x_context, scan, x_local_map, T_guess, farther);
+  if (!far.trusted(farther)) return near;
+  const Registration there = align(x_context, scan, x_local_map, far.T_target_source, x_gicp);
+  return believable(there) ? there : near;
+}
+
+void LivOdometry::extendMap(const OdometryStep& step, bool reckoned) {
+  // A scan at a doubtful pose would spoil the map for those that follow.
+  const bool placed = step.trusted || step.restarted || (reckoned && x_lost_in_a_row <= kMappedBlindly);
+  const Eigen::Vector3d p = x_T_odom_body.translation();
+  const bool moved = !x_last_key_m || (p - *x_last_key_m).norm() >= x_options.key_scan_m;
+  if (!placed || step.scan.cloud.empty() || !(moved || step.restarted)) return;
+  // Only what was never seen before is new: an average with later scans would creep with the error of each.
+  x_local_map.fill(viewOf(step.scan.cloud), step.scan.covariances.view(), toTransform(x_T_odom_body));
+  x_local_map.keepWithin({p.x(), p.y(), p.z()}, x_options.local_map_radius_m);
+  x_last_key_m = p;
 }
 
 }  // namespace raceloc

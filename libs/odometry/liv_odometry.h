@@ -16,7 +16,8 @@ namespace raceloc {
 /** Section [odometry]. */
 struct OdometryOptions {
   double scan_voxel_m = 0.5;
-  double local_map_radius_m = 100;
+  double local_map_radius_m = 120;
+  double key_scan_m = 1;
   double first_step_m = 8;
   void describe(OptionList& keys);
 };
@@ -46,6 +47,10 @@ class LivOdometry {
   OdometryStep add(const Scan& scan, MotionHistory& history);
 
  private:
+  /** The scan in the local map, from a guess. */
+  [[nodiscard]] Registration matched(const CovarianceCloud& scan, const Pose& T_guess, bool by_wheels) const;
+  void extendMap(const OdometryStep& step, bool reckoned);
+
   gpu::Context& x_context;
   OdometryOptions x_options;
   CropOptions x_crop;
@@ -55,6 +60,7 @@ class LivOdometry {
   std::optional<double> x_last_stamp_s;
   Pose x_T_odom_body = Pose::Identity();
   BodyMotion x_last_motion;
+  std::optional<Eigen::Vector3d> x_last_key_m;  ///< where a scan last went into the local map
   bool x_ever_matched = false;
   int x_lost_in_a_row = 0;
 };

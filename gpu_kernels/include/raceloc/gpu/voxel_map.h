@@ -18,7 +18,7 @@ struct VoxelGaussians {
   [[nodiscard]] std::size_t size() const { return ix.size(); }
 };
 
-/** Grows by insert(), shrinks by keepWithin() and keepNewest(); reading it never changes it, so many threads may. It serves
+/** Grows by insert() and fill(), shrinks by keepWithin() and keepNewest(); reading it never changes it, so many threads may. It serves
  * the contexts of the device it was made with (linearize() throws std::invalid_argument for a CUDA context
  * with another's map). */
 class VoxelMap {
@@ -34,6 +34,11 @@ class VoxelMap {
    * finite are dropped and counted in the result. \throws std::invalid_argument if the sizes differ. */
   std::size_t insert(const PointsView& points, const CovariancesView& covariances,
                      const Transform& T_map_points);
+
+  /** As insert(), but a voxel that had points before stays as it was: what is matched against the map then does not
+   * creep with it. */
+  std::size_t fill(const PointsView& points, const CovariancesView& covariances,
+                   const Transform& T_map_points);
 
   /** Drops the voxels whose mean is farther than `distance_m` from `centre_m`; returns how many. */
   std::size_t keepWithin(const std::array<double, 3>& centre_m, double distance_m);
