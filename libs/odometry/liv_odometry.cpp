@@ -73,7 +73,7 @@ OdometryStep LivOdometry::add(const Scan& scan, MotionHistory& history) {
   OdometryStep step{};
   const double end_s = endOfSweep(scan);
   const auto sweep = history.sweep(scan.stamp_s, end_s);
-  step.by_wheels = sweep.has_value();
+  step.by_wheels = sweep && history.hasWheels(end_s);
   DeskewedScan deskewed =
       deskew(scan, sweep ? *sweep : steadySweep(velocityOf(x_last_motion), end_s - scan.stamp_s), x_crop);
   step.stamp_s = deskewed.stamp_s;
@@ -87,20 +87,19 @@ OdometryStep LivOdometry::add(const Scan& scan, MotionHistory& history) {
   step.trusted = !step.scan.cloud.empty();
   if (x_last_stamp_s) {
     const double duration_s = step.stamp_s - *x_last_stamp_s;
-    const auto wheels = history.between(*x_last_stamp_s, step.stamp_s);
-    const Pose T_last_guess = wheels ? wheels->T_start_end : se3Exp(velocityOf(x_last_motion) * duration_s);
+    const auto predicted = history.between(*x_last_stamp_s, step.stamp_s);
+    const Pose T_last_guess =
+        predicted ? predicted->T_start_end : se3Exp(velocityOf(x_last_motion) * duration_s);
     const Pose T_guess = x_T_odom_body * T_last_guess;
-    step.match = matched(step.scan, T_guess, wheels.has_value());
-    step.trusted = wheels ? step.match.plausible(x_gicp) : step.match.trusted(x_gicp);
-    Fused now{T_guess, (wheels ? wheels->covariance : Matrix6d(Matrix6d::Zero())) + kLost};
-    if (step.trusted && wheels) {
-      now = fused(T_guess, wheels->covariance, step.match);
-      if (step.match.stop == gpu::Stop::converged)  // both ends have the match's error
-        history.observe(*x_last_stamp_s, step.stamp_s, x_T_odom_body.inverse() * step.match.T_target_source,
-                        2 * step.match.covariance);
-    } else if (step.trusted) {
-      now = {step.match.T_target_source, step.match.covariance};
-    }
+    step.match = matched(step.scan, T_guess, predicted.has_value());
+    step.trusted = predicted ? step.match.plausible(x_gicp) : step.match.trusted(x_gicp);
+    Fused now{T_guess, (predicted ? predicted->covariance : Matrix6d(Matrix6d::Zero())) + kLost};
+    if (step.trusted)
+      now = predicted ? fused(T_guess, predicted->covariance, step.match)
+                      : Fused{step.match.T_target_source, step.match.covariance};
+    if (step.match.trusted(x_gicp))  // both ends have the match's error
+      history.observe(*x_last_stamp_s, step.stamp_s, x_T_odom_body.inverse() * step.match.T_target_source,
+                      2 * step.match.covariance);
     const Pose T_odom_body = now.pose;
     step.since_last = {duration_s, x_T_odom_body.inverse() * T_odom_body, now.covariance};
     x_ever_matched = x_ever_matched || step.trusted;
@@ -120,15 +119,15 @@ OdometryStep LivOdometry::add(const Scan& scan, MotionHistory& history) {
   return step;
 }
 
-Registration LivOdometry::matched(const CovarianceCloud& scan, const Pose& T_guess, bool by_wheels) const {
-  if (!by_wheels && !x_ever_matched) {
+Registration LivOdometry::matched(const CovarianceCloud& scan, const Pose& T_guess, bool predicted) const {
+  if (!predicted && !x_ever_matched) {
     SearchOptions around;
     around.radius_m = x_options.first_step_m;
     around.step_m = 0.75 * x_gicp.voxel_size_m;
     return alignWithSearch(x_context, scan, x_local_map, T_guess, x_gicp, around);
   }
   const auto believable = [&](const Registration& match) {
-    return by_wheels ? match.plausible(x_gicp) : match.trusted(x_gicp);
+    return predicted ? match.plausible(x_gicp) : match.trusted(x_gicp);
   };
   const Registration near = align(x_context, scan, x_local_map, T_guess, x_gicp);
   if (believable(near)) return near;

@@ -48,7 +48,7 @@ class LivOdometry {
 
  private:
   /** The scan in the local map, from a guess. */
-  [[nodiscard]] Registration matched(const CovarianceCloud& scan, const Pose& T_guess, bool by_wheels) const;
+  [[nodiscard]] Registration matched(const CovarianceCloud& scan, const Pose& T_guess, bool predicted) const;
   void extendMap(const OdometryStep& step, bool reckoned);
 
   gpu::Context& x_context;

@@ -16,6 +16,9 @@ constexpr double kSample_s = 0.01;
 constexpr int kFrozenSamples = 10;
 constexpr double kFrozen_s = 0.1, kMoving_mps = 1;
 
+/** What an observed speed misses when it goes on. */
+constexpr double kHardestBraking_mps2 = 30;
+
 }  // namespace
 
 void MotionOptions::describe(OptionList& keys) {
@@ -50,8 +53,9 @@ MotionHistory::MotionHistory(const MotionOptions& options, const CalibrationOpti
 
 void MotionHistory::add(const MotionSample& sample) {
   if (!std::isfinite(sample.speed_mps) || !std::isfinite(sample.yaw_rate_rps)) return;
+  if (x_last_wheels_s && sample.stamp_s <= *x_last_wheels_s) return;
+  x_last_wheels_s = sample.stamp_s;
   const auto& known = x_speed.samples();
-  if (!known.empty() && sample.stamp_s <= known.back().stamp_s) return;
   // The driven wheels slip by a percent.
   const double sigma_mps = std::hypot(x_options.speed_sigma_mps, 0.01 * sample.speed_mps);
   const auto force_mps2 = known.empty() ? std::nullopt : meanForce(known.back().stamp_s, sample.stamp_s);
@@ -59,12 +63,11 @@ void MotionHistory::add(const MotionSample& sample) {
   const CalibrationVector& c = x_calibration.mean();
   const double scale = 1 + c(kWheelScale) - c(kTraction) * tyres.along_mps2;
   x_wheels_refused = !x_speed_check.accept(sample.stamp_s, scale * sample.speed_mps, sigma_mps, force_mps2);
-  const double likely_mps = x_speed_check.speed_mps(),
-               likely_variance = std::pow(x_speed_check.sigma_mps(), 2);
   // What is refused is filled in as measured: the calibration's scale applies to it as well.
   x_speed.add(sample.stamp_s,
-              x_wheels_refused ? Eigen::Vector2d(likely_mps / scale, likely_variance)
-                               : Eigen::Vector2d(sample.speed_mps, std::pow(x_options.speed_sigma_mps, 2)));
+              x_wheels_refused
+                  ? Eigen::Vector2d(x_speed_check.speed_mps() / scale, std::pow(x_speed_check.sigma_mps(), 2))
+                  : Eigen::Vector2d(sample.speed_mps, std::pow(x_options.speed_sigma_mps, 2)));
   x_vehicle_yaw_rate_rps.add(sample.stamp_s, sample.yaw_rate_rps);
   if (sample.steering_rad && std::isfinite(*sample.steering_rad))
     x_steering_rad.add(sample.stamp_s, *sample.steering_rad);
@@ -95,21 +98,28 @@ void MotionHistory::add(const ImuSample& sample) {
   x_force_mps2.add(sample.stamp_s, sample.specific_force_body_mps2);
 }
 
+bool MotionHistory::hasWheels(double stamp_s) const {
+  return x_last_wheels_s && stamp_s - *x_last_wheels_s <= x_options.max_gap_s;
+}
+
 std::vector<std::string> MotionHistory::faults() const {
   std::vector<std::string> faults;
   if (x_gyro_frozen) faults.push_back(x_imu_label + ": frozen");
   if (x_wheels_refused) faults.push_back(x_vehicle_label + ": wheel speed contradicts the car's motion");
+  if (x_last_imu_s && x_last_wheels_s) {
+    if (*x_last_wheels_s - *x_last_imu_s > x_options.max_gap_s) faults.push_back(x_imu_label + ": silent");
+    if (!hasWheels(*x_last_imu_s)) faults.push_back(x_vehicle_label + ": silent");
+  }
   return faults;
 }
 
 std::optional<double> MotionHistory::knownUntil_s() const {
-  const auto& speed = x_speed.samples();
-  if (speed.empty()) return std::nullopt;
-  // A source of yaw rate that is dead or frozen is not waited for.
-  const auto& gyro = x_gyro_rps.samples();
-  const bool gyro_lives =
-      !x_gyro_frozen && !gyro.empty() && speed.back().stamp_s - gyro.back().stamp_s < x_options.max_gap_s;
-  return gyro_lives ? std::min(speed.back().stamp_s, gyro.back().stamp_s) : speed.back().stamp_s;
+  if (x_speed.samples().empty()) return std::nullopt;
+  const double speed_s = x_speed.samples().back().stamp_s;
+  if (x_gyro_frozen || x_gyro_rps.samples().empty()) return speed_s;
+  const double gyro_s = x_gyro_rps.samples().back().stamp_s;
+  if (!hasWheels(gyro_s)) return gyro_s;
+  return speed_s - gyro_s < x_options.max_gap_s ? std::min(speed_s, gyro_s) : speed_s;
 }
 
 std::optional<double> MotionHistory::meanForce(double from_s, double to_s) const {
@@ -203,7 +213,8 @@ std::optional<BodyRates> MotionHistory::ratesAt(double stamp_s) const {
   const auto guess = blended(yawRates(stamp_s, speed->x(), 0));
   if (!guess) return std::nullopt;
   const TyreForces tyres = tyreForces(stamp_s, speed->x(), guess->rate_rps);
-  const double per_measured = 1 + c(kWheelScale) - c(kTraction) * tyres.along_mps2;
+  const bool by_wheels = hasWheels(stamp_s);
+  const double per_measured = by_wheels ? 1 + c(kWheelScale) - c(kTraction) * tyres.along_mps2 : 1;
   const double forward_mps = per_measured * speed->x();
   const YawRate yaw = *blended(yawRates(stamp_s, forward_mps, tyres.across_mps2 * tyres.load));
 
@@ -218,8 +229,10 @@ std::optional<BodyRates> MotionHistory::ratesAt(double stamp_s) const {
   rates.twist(2) = yaw.rate_rps;
   rates.J_calibration.row(2) = yaw.J;
   const Eigen::Vector2d along(1, slip_rad);
-  rates.J_calibration.block<2, 1>(3, kWheelScale) = speed->x() * along;
-  rates.J_calibration.block<2, 1>(3, kTraction) = -tyres.along_mps2 * speed->x() * along;
+  if (by_wheels) {
+    rates.J_calibration.block<2, 1>(3, kWheelScale) = speed->x() * along;
+    rates.J_calibration.block<2, 1>(3, kTraction) = -tyres.along_mps2 * speed->x() * along;
+  }
   rates.J_calibration(4, kSideslip) = -tyres.across_mps2 * forward_mps;
   // White noise of samples at 100 Hz; a gyro that is read less often misses how the body shakes in between.
   constexpr double kMissesAll_s = 0.1;
@@ -286,11 +299,18 @@ std::optional<BodyMotion> MotionHistory::between(double from_s, double to_s) con
 }
 
 void MotionHistory::observe(double from_s, double to_s, const Pose& T_from_to, const Matrix6d& covariance) {
+  const double duration_s = to_s - from_s;
+  if (!(duration_s > 0)) return;
   const auto motion = preintegrated(from_s, to_s);
-  if (!motion || motion->duration_s <= 0) return;
-  const Vector6d mean = se3Log(T_from_to) / motion->duration_s;
-  x_speed_check.observe(mean(3), std::sqrt(covariance(3, 3)) / motion->duration_s);
-  if (!x_wheels_refused) x_calibration.observe(*motion, T_from_to, covariance);
+  if (motion && !x_wheels_refused) x_calibration.observe(*motion, T_from_to, covariance);
+  const double speed_mps = se3Log(T_from_to)(3) / duration_s;
+  if (hasWheels(to_s)) {
+    x_speed_check.observe(speed_mps, std::sqrt(covariance(3, 3)) / duration_s);
+    return;
+  }
+  // As white noise at 100 Hz, which it is not, it moves the end of the next interval as far.
+  const double missed_mps = kHardestBraking_mps2 * duration_s;
+  x_speed.add(to_s, {speed_mps, missed_mps * missed_mps * duration_s / kSample_s});
 }
 
 }  // namespace raceloc

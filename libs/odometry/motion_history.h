@@ -29,7 +29,7 @@ struct MotionOptions {
   double understeer_deg_per_mps2 = 0.2;
   double speed_sigma_mps = 0.5;
   double crosswise_sigma_mps = 0.8;
-  double unknown_tilt_rate_dps = 2.0;
+  double unknown_tilt_rate_dps = 15;
   double drag_per_m = 6e-4;
   double downforce_per_m = 1.4e-3;
   void describe(OptionList& keys);
@@ -42,7 +42,8 @@ struct MotionOptions {
  * absent, and any one of them carries the yaw rate alone; one that contradicts the gyro is left out, as is the gyro when both
  * of the others contradict it. Translation: wheel speed, less the slip that traction needs, along the
  * rear axle's course, which lies off the heading by side-slip; both are in proportion to the force that the tyres bear over
- * their load. Never from acceleration.
+ * their load. Never from acceleration. While the
+ * wheels are silent, the speed of the newest observe() goes on.
  * A gyro that repeats itself while the car moves, and a wheel speed that neither force nor scan matches can explain, are
  * dropped and named. Source: reading.md section 5. */
 class MotionHistory {
@@ -53,7 +54,8 @@ class MotionHistory {
   void add(const MotionSample& sample);
   void add(const ImuSample& sample);
 
-  /** Stamp up to which motion is known; none before the first speed and yaw rate. */
+  /** Stamp up to which motion is known; none before the first speed. A source that is silent or frozen is not waited
+   * for. */
   [[nodiscard]] std::optional<double> knownUntil_s() const;
 
   /** Rates averaged over [from, to]; held constant for at most max_gap_s beyond the samples. None when the
@@ -82,7 +84,10 @@ class MotionHistory {
 
   [[nodiscard]] const MotionCalibration& calibration() const { return x_calibration; }
 
-  /** Names of the sources that are dropped now, and why; empty when all is well. */
+  /** Whether the wheels tell the speed at an instant, or did not long before. */
+  [[nodiscard]] bool hasWheels(double stamp_s) const;
+
+  /** Names of the sources that are dropped or silent now, and why; empty when all is well. */
   [[nodiscard]] std::vector<std::string> faults() const;
 
  private:
@@ -111,9 +116,10 @@ class MotionHistory {
   MotionCalibration x_calibration;
   SpeedCheck x_speed_check;
   TimeSeries<Eigen::Vector3d> x_gyro_rps, x_force_mps2;
-  TimeSeries<Eigen::Vector2d> x_speed;  ///< measured or, where it was refused, likely [m/s]; its variance
+  TimeSeries<Eigen::Vector2d>
+      x_speed;  ///< measured or, where it was refused or silent, likely [m/s]; its variance
   TimeSeries<double> x_vehicle_yaw_rate_rps, x_steering_rad;
-  std::optional<double> x_last_imu_s, x_same_gyro_since_s;
+  std::optional<double> x_last_imu_s, x_last_wheels_s, x_same_gyro_since_s;
   Eigen::Vector3d x_last_gyro_rps = Eigen::Vector3d::Zero();
   int x_same_gyro = 0;
   std::string x_imu_label, x_vehicle_label;

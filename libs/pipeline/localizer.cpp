@@ -208,7 +208,7 @@ void Localizer::predictTo(double stamp_s) {
   constexpr double kStep_s = 0.02;
   const double from_s = x_stamp_s, step_s_at_most = stamp_s - from_s;
   x_T_map_body = x_T_map_body * motionBetween(from_s, stamp_s).T_start_end;
-  x_by_wheels = x_history.between(from_s, stamp_s).has_value();
+  x_by_wheels = x_history.hasWheels(stamp_s) && x_history.between(from_s, stamp_s).has_value();
   const int steps = static_cast<int>(std::ceil(step_s_at_most / kStep_s));
   for (int i = 0; i < steps; ++i) {
     const double start_s = from_s + step_s_at_most * i / steps;

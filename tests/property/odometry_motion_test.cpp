@@ -122,6 +122,55 @@ TEST(MotionHistory, LeavesOutAGyroThatBothOthersContradict) {
   EXPECT_NEAR(history.ratesBetween(0.2, 0.8)->yaw_rate_rps, car.yaw_rate_rps, 1e-6);
 }
 
+/** Tells the history where the car was, as a scan match would. */
+void observe(MotionHistory& history, const Cruise& car, double from_s, double to_s) {
+  const double duration_s = to_s - from_s;
+  history.observe(from_s, to_s, arc(car.speed_mps * duration_s, car.yaw_rate_rps * duration_s),
+                  1e-4 * Matrix6d::Identity());
+}
+
+TEST(MotionHistory, GoesOnAtTheObservedSpeedWhereThereNeverWereWheels) {
+  Random rnd(1);
+  const Cruise car;
+  MotionHistory history(plainMotion(), plainCalibration());
+  for (int i = 0; i <= 100; ++i) {
+    history.add(car.imu(0.01 * i, rnd));
+    if (i == 50) observe(history, car, 0.4, 0.5);
+  }
+  EXPECT_THAT(history.faults(), IsEmpty());  // nobody misses what was never there
+  EXPECT_FALSE(history.hasWheels(1.0));
+  EXPECT_EQ(history.knownUntil_s(), 1.0);
+  const auto motion = history.between(0.5, 0.6);
+  ASSERT_TRUE(motion);
+  EXPECT_NEAR((motion->T_start_end.translation() - arc(5, 0.01).translation()).norm(), 0, 0.01);
+  EXPECT_NEAR(std::sqrt(motion->covariance(3, 3)), 0.3, 0.03);  // 30 m/s^2 missed for 0.1 s after 0.1 s
+  EXPECT_FALSE(history.between(0.5, 1.1));                      // older than max_gap_s
+}
+
+TEST(MotionHistory, NamesWheelsAndImuThatFellSilent) {
+  Random rnd(1);
+  const Cruise car;
+  MotionHistory wheels_dead(plainMotion(), plainCalibration()), imu_dead = wheels_dead;
+  for (int i = 0; i <= 200; ++i) {
+    const double t = 0.01 * i;
+    wheels_dead.add(car.imu(t, rnd));
+    imu_dead.add(car.wheels(t, 50));
+    if (t <= 1) {
+      wheels_dead.add(car.wheels(t, 50));
+      imu_dead.add(car.imu(t, rnd));
+    }
+    if (i > 0 && i % 10 == 0) observe(wheels_dead, car, t - 0.1, t);
+  }
+  EXPECT_THAT(wheels_dead.faults(), ElementsAre("vehicle: silent"));
+  EXPECT_THAT(imu_dead.faults(), ElementsAre("imu: silent"));
+  EXPECT_EQ(wheels_dead.knownUntil_s(), 2.0);
+  EXPECT_EQ(imu_dead.knownUntil_s(), 2.0);
+  EXPECT_NEAR(wheels_dead.ratesBetween(1.9, 2.0)->speed_mps, 50, 1e-6);
+  EXPECT_NEAR(imu_dead.ratesBetween(1.9, 2.0)->yaw_rate_rps, 0.1, 1e-9);
+  wheels_dead.add(car.wheels(2.01, 50));
+  EXPECT_THAT(wheels_dead.faults(), IsEmpty());
+}
+
 TEST(MotionHistory, IgnoresWhatIsNoNumberAndWhatIsOld) {
   MotionHistory history(plainMotion(), plainCalibration());
   for (int i = 0; i <= 10; ++i) history.add(MotionSample{0.1 * i, "vehicle", 20, 0.1});
