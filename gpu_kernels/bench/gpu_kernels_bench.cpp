@@ -7,6 +7,7 @@
 #include <string>
 
 #include "raceloc/gpu/covariance.h"
+#include "raceloc/gpu/deskew.h"
 #include "raceloc/gpu/matcher.h"
 #include "raceloc/gpu/voxel_grid.h"
 #include "tests/scenes.h"
@@ -43,6 +44,16 @@ void onDevice(benchmark::State& state, const Body& body) {
     state.SkipWithError(reason.what());
   }
 }
+
+void BM_Deskew(benchmark::State& state) {
+  onDevice(state, [&](Context& context) {
+    const test::MovingScan m = test::moving(scans().raw.source);
+    while (state.KeepRunning())
+      benchmark::DoNotOptimize(deskew(context, m.scan.view(), m.time_s.data(), m.sweep(), {}));
+    state.SetItemsProcessed(state.iterations() * static_cast<std::int64_t>(m.scan.size()));
+  });
+}
+BENCHMARK(BM_Deskew)->DenseRange(0, 1)->UseRealTime()->Unit(benchmark::kMillisecond);
 
 void BM_VoxelGrid(benchmark::State& state) {
   onDevice(state, [&](Context& context) {

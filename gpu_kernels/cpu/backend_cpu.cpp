@@ -120,6 +120,28 @@ class CpuBackend : public BackendBase {
   }
   std::unique_ptr<MapMirror> mirror() override { return nullptr; }
 
+  Deskewed deskew(const DeskewJob& job) override {
+    const std::size_t n = job.scan.size;
+    for (auto& axis : x_moved) axis.resize(n);
+    x_order.resize(n);
+    x_of_piece.assign((n + kPiece - 1) / kPiece, 0);
+    const DeskewedOut to{x_moved[0].data(), x_moved[1].data(), x_moved[2].data(), x_order.data()};
+    x_workers.forPieces(n, kPiece, [&](std::size_t first, std::size_t last, int) {
+      x_of_piece[first / kPiece] = x_loops.deskew(job, first, last, to);
+    });
+    const std::size_t kept = std::accumulate(x_of_piece.begin(), x_of_piece.end(), std::size_t{0});
+    const auto joined = [&](const auto& pieces) {
+      std::decay_t<decltype(pieces)> all;
+      all.reserve(kept);
+      for (std::size_t k = 0; k < x_of_piece.size(); ++k) {
+        const auto* from = pieces.data() + k * kPiece;
+        all.insert(all.end(), from, from + x_of_piece[k]);
+      }
+      return all;
+    };
+    return {{joined(x_moved[0]), joined(x_moved[1]), joined(x_moved[2])}, joined(x_order)};
+  }
+
   Points voxelGrid(const PointsView& points, double voxel_size_m, std::size_t& dropped) override {
     const Box box = findVoxels(points, voxel_size_m);
     dropped = points.size - box.kept;
@@ -364,7 +386,7 @@ class CpuBackend : public BackendBase {
   std::vector<std::uint32_t> x_order, x_first, x_places, x_heads, x_stretches;
   std::vector<std::size_t> x_of_piece;
   std::vector<std::uint64_t> x_keys;
-  std::array<std::vector<float>, 3> x_sorted;
+  std::array<std::vector<float>, 3> x_sorted, x_moved;
   std::vector<Run> x_runs;
   BoxTree x_tree;
   std::vector<float> x_scratch;

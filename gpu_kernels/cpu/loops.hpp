@@ -6,6 +6,7 @@
 #include <cstdint>
 #include <vector>
 
+#include "core/deskew.hpp"
 #include "core/factor.hpp"
 #include "core/neighbour_grid.hpp"
 #include "cpu/box_tree.hpp"
@@ -81,6 +82,8 @@ struct Loops {
   /** The sums of points [first, last), at most kPassBlock, first a multiple of it. */
   void (*pass)(const PassJob&, std::size_t first, std::size_t last, double* sums);
   void (*voxels)(const VoxelJob&, std::size_t first, std::size_t last, Box& box);
+  /** What is kept of points [first, last) goes to `to` from `first` on. \return how many */
+  std::size_t (*deskew)(const DeskewJob&, std::size_t first, std::size_t last, const DeskewedOut& to);
 };
 
 /** The loops that this machine can run, the fastest first. */

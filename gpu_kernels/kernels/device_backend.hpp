@@ -18,6 +18,7 @@
 #include "core/backend.hpp"
 #include "core/weight.hpp"
 #include "kernels/covariance.kernel.hpp"
+#include "kernels/deskew.kernel.hpp"
 #include "kernels/sort_buffers.hpp"
 #include "kernels/sorted_runs.kernel.hpp"
 #include "kernels/vgicp.kernel.hpp"
@@ -71,6 +72,28 @@ class DeviceBackend : public BackendBase {
   [[nodiscard]] Backend kind() const override { return Backend::cuda; }
   [[nodiscard]] std::string description() const override { return x_machine.description(); }
   std::unique_ptr<MapMirror> mirror() override { return std::make_unique<DeviceMirror<Machine>>(x_machine); }
+
+  Deskewed deskew(const DeskewJob& job) override {
+    const auto n = static_cast<std::uint32_t>(job.scan.size);
+    if (n == 0) return {};
+    x_machine.select();
+    DeskewJob here = job;
+    here.scan = x_points.upload(x_machine, job.scan);
+    here.steps = x_steps.upload(x_machine, job.steps, job.step_count);
+    if (job.time_s != nullptr) here.time_s = x_times.upload(x_machine, job.time_s, n);
+    const auto moved = x_sorted.room(n);
+    x_machine.launch("deskewPoints", {blocksFor(n, kDeskewThreads)}, kDeskewThreads, deskewPoints, here,
+                     moved[0], moved[1], moved[2], x_sort.heads.room(n));
+    x_machine.numberRuns(x_sort, n);
+    const auto to = x_points.room(n);  // the scan has served
+    x_machine.launch("compact", {blocksFor(n, kDeskewThreads)}, kDeskewThreads, compact,
+                     PointsView{moved[0], moved[1], moved[2], n}, x_sort.heads.data(), x_sort.numbers.data(),
+                     DeskewedOut{to[0], to[1], to[2], x_sort.order.room(n)});
+    const std::uint32_t kept = lastNumber(n);
+    fetch(kept, x_points.x, x_points.y, x_points.z, x_sort.order);
+    const auto taken = [kept](const auto& array) { return std::vector(array.host(), array.host() + kept); };
+    return {{taken(x_points.x), taken(x_points.y), taken(x_points.z)}, taken(x_sort.order)};
+  }
 
   Points voxelGrid(const PointsView& points, double voxel_size_m, std::size_t& dropped) override {
     const VoxelExtent extent = voxelExtent(points, voxel_size_m);
@@ -216,6 +239,10 @@ class DeviceBackend : public BackendBase {
     x_machine.launch("markHeads", {blocksFor(n, kRunThreads)}, kRunThreads, markHeads,
                      x_sort.keys_sorted.data(), n, x_sort.heads.room(n));
     x_machine.numberRuns(x_sort, n);
+    return lastNumber(n);
+  }
+
+  std::uint32_t lastNumber(std::uint32_t n) {
     x_sort.numbers.download(x_machine, 1, n - 1);
     x_machine.wait();
     return *x_sort.numbers.host();
@@ -230,6 +257,8 @@ class DeviceBackend : public BackendBase {
 
   Machine x_machine;
   PointBuffers x_points, x_sorted;
+  Array<float> x_times;
+  Array<SweepStep> x_steps;
   CovarianceBuffers x_covariances;
   SortBuffers<Machine> x_sort;
   Array<std::uint64_t> x_cell_keys;

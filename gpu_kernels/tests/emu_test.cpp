@@ -3,6 +3,7 @@
  * order the threads and blocks run in. */
 #include <gtest/gtest.h>
 
+#include "api/deskew_job.hpp"
 #include "api/voxel_table.hpp"
 #include "core/se3_lm.hpp"
 #include "tests/emu/emulated_machine.hpp"
@@ -108,6 +109,27 @@ void expectSame(const Points& a, const Points& b) {
 
 std::array<const std::vector<float>*, 6> entries(const Covariances& C) {
   return {&C.xx, &C.xy, &C.xz, &C.yy, &C.yz, &C.zz};
+}
+
+TEST(EmulatedBackend, GivesTheDeskewedScanOfTheCpu) {
+  Points p = hall(5, 3000);
+  push(p, std::nan(""), 0, 0);
+  push(p, 0, HUGE_VAL, 0);
+  MovingScan m = moving(p);
+  m.time_s[7] = std::nanf("");
+  const auto cpu = makeCpuBackend(1);
+  for (const bool timed : {true, false}) {
+    const std::vector<SweepStep> steps = sweepSteps(m.sweep(), timed);
+    const DeskewJob job =
+        deskewJob(m.scan.view(), timed ? m.time_s.data() : nullptr, m.sweep(), steps, {3, 12, 4, 4, 4});
+    const Deskewed expected = cpu->deskew(job);
+    EXPECT_GT(expected.points.size(), 1000U);
+    for (const int seed : kSeeds) {
+      const Deskewed here = Emulated(seed).deskew(job);
+      expectSame(here.points, expected.points);
+      EXPECT_EQ(here.indices, expected.indices);
+    }
+  }
 }
 
 TEST(EmulatedBackend, GivesTheVoxelGridOfTheCpu) {

@@ -1,0 +1,36 @@
+/** \file
+ * A scan into the frame of its end: one thread a point; what is kept is then brought together, in the order of the
+ * scan. */
+#pragma once
+
+#include "core/deskew.hpp"
+#include "kernels/simt.hpp"
+
+namespace raceloc::gpu {
+
+inline constexpr int kDeskewThreads = 256;
+
+/** kept[i] is 1 or 0; their inclusive sum numbers the kept points from 1. */
+RACELOC_KERNEL(kDeskewThreads)
+deskewPoints(DeskewJob job, float* x, float* y, float* z, std::uint32_t* kept) {
+  const std::uint32_t i = simt::globalThread();
+  if (i >= job.scan.size) return;
+  Vec3<float> p_end{};
+  kept[i] = deskewed(job, i, p_end) ? 1 : 0;
+  x[i] = p_end.x;
+  y[i] = p_end.y;
+  z[i] = p_end.z;
+}
+
+RACELOC_KERNEL(kDeskewThreads)
+compact(PointsView moved, const std::uint32_t* kept, const std::uint32_t* numbers, DeskewedOut out) {
+  const std::uint32_t i = simt::globalThread();
+  if (i >= moved.size || kept[i] == 0) return;
+  const std::uint32_t to = numbers[i] - 1;
+  out.x[to] = moved.x[i];
+  out.y[to] = moved.y[i];
+  out.z[to] = moved.z[i];
+  out.index[to] = i;
+}
+
+}  // namespace raceloc::gpu
