@@ -143,7 +143,7 @@ class CpuBackend : public BackendBase {
   }
 
   Points voxelGrid(const PointsView& points, double voxel_size_m, std::size_t& dropped) override {
-    const Box box = findVoxels(points, voxel_size_m);
+    const VoxelBox box = findVoxels(points, voxel_size_m);
     dropped = points.size - box.kept;
     Points out;
     if (box.kept == 0) return out;
@@ -160,10 +160,13 @@ class CpuBackend : public BackendBase {
     x_workers.forPieces(voxels, kPiece, [&](std::size_t begin, std::size_t end, int) {
       for (std::size_t k = begin; k < end; ++k) {
         CentroidSum sum;
-        for (std::uint32_t s = x_first[k]; s < x_first[k + 1]; ++s)
-          for (std::uint32_t i = x_stretches[x_order[s]]; i < x_stretches[x_order[s] + 1]; ++i)
-            sum.add(points, i);
-        const Vec3<float> mean = sum.centroid();
+        std::uint32_t n = 0;
+        for (std::uint32_t s = x_first[k]; s < x_first[k + 1]; ++s) {
+          const std::uint32_t first = x_stretches[x_order[s]], last = x_stretches[x_order[s] + 1];
+          for (std::uint32_t i = first; i < last; ++i) sum.add(points, i);
+          n += last - first;
+        }
+        const Vec3<float> mean = sum.centroid(n);
         out.x[k] = mean.x, out.y[k] = mean.y, out.z[k] = mean.z;
       }
     });
@@ -226,21 +229,15 @@ class CpuBackend : public BackendBase {
             C.yz.data(), C.zz.data(), C.neighbours.data()};
   }
 
-  Box findVoxels(const PointsView& points, double voxel_size_m) {
+  VoxelBox findVoxels(const PointsView& points, double voxel_size_m) {
     for (auto& axis : x_voxels) axis.resize(points.size);
     const VoxelJob job{points, voxel_size_m, x_voxels[0].data(), x_voxels[1].data(), x_voxels[2].data()};
-    x_boxes.assign((points.size + kPiece - 1) / kPiece, Box{});
+    x_boxes.assign((points.size + kPiece - 1) / kPiece, VoxelBox{});
     x_workers.forPieces(points.size, kPiece, [&](std::size_t first, std::size_t last, int) {
       x_loops.voxels(job, first, last, x_boxes[first / kPiece]);
     });
-    Box all;
-    for (const Box& box : x_boxes) {
-      all.low = {std::min(all.low.x, box.low.x), std::min(all.low.y, box.low.y),
-                 std::min(all.low.z, box.low.z)};
-      all.high = {std::max(all.high.x, box.high.x), std::max(all.high.y, box.high.y),
-                  std::max(all.high.z, box.high.z)};
-      all.kept += box.kept;
-    }
+    VoxelBox all;
+    for (const VoxelBox& box : x_boxes) all.add(box);
     return all;
   }
 
@@ -380,7 +377,7 @@ class CpuBackend : public BackendBase {
   std::optional<CpuPasses> x_passes;
   // Buffers, kept from call to call.
   std::array<std::vector<std::int32_t>, 3> x_voxels;
-  std::vector<Box> x_boxes;
+  std::vector<VoxelBox> x_boxes;
   std::array<std::vector<NarrowItem>, 2> x_narrow;
   std::array<std::vector<WideItem>, 2> x_wide;
   std::vector<std::uint32_t> x_order, x_first, x_places, x_heads, x_stretches;

@@ -433,7 +433,7 @@ void pass(const PassJob& job, std::size_t first, std::size_t last, double* sums)
 }
 
 /** As cellOf(), four or eight points at once. */
-void voxels(const VoxelJob& job, std::size_t first, std::size_t last, Box& box) {
+void voxels(const VoxelJob& job, std::size_t first, std::size_t last, VoxelBox& box) {
   constexpr int width = kWidth / 2;
   using Doubles = double __attribute__((vector_size(8 * width)));
   using Halves = float __attribute__((vector_size(4 * width)));
@@ -482,7 +482,7 @@ void voxels(const VoxelJob& job, std::size_t first, std::size_t last, Box& box) 
     };
     widen(low, box.low, true);
     widen(high, box.high, false);
-    box.kept += static_cast<std::size_t>(kept[k]);
+    box.kept += static_cast<std::uint32_t>(kept[k]);
   }
 }
 

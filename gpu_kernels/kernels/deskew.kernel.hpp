@@ -4,6 +4,7 @@
 #pragma once
 
 #include "core/deskew.hpp"
+#include "kernels/rows.hpp"
 #include "kernels/simt.hpp"
 
 namespace raceloc::gpu {
@@ -12,14 +13,14 @@ inline constexpr int kDeskewThreads = 256;
 
 /** kept[i] is 1 or 0; their inclusive sum numbers the kept points from 1. */
 RACELOC_KERNEL(kDeskewThreads)
-deskewPoints(DeskewJob job, float* x, float* y, float* z, std::uint32_t* kept) {
+deskewPoints(DeskewJob job, PointsOut moved, std::uint32_t* kept) {
   const std::uint32_t i = simt::globalThread();
   if (i >= job.scan.size) return;
   Vec3<float> p_end{};
   kept[i] = deskewed(job, i, p_end) ? 1 : 0;
-  x[i] = p_end.x;
-  y[i] = p_end.y;
-  z[i] = p_end.z;
+  moved.x[i] = p_end.x;
+  moved.y[i] = p_end.y;
+  moved.z[i] = p_end.z;
 }
 
 RACELOC_KERNEL(kDeskewThreads)

@@ -130,10 +130,15 @@ TEST(EmulatedBackend, GivesTheDeskewedScanOfTheCpu) {
       EXPECT_EQ(here.indices, expected.indices);
     }
   }
+  const std::vector<SweepStep> steps = sweepSteps(m.sweep(), false);
+  Emulated emulated(1);
+  const Crop nowhere{0, 1e-3F, 0, 0, 0};
+  EXPECT_EQ(emulated.deskew(deskewJob(m.scan.view(), nullptr, m.sweep(), steps, nowhere)).points.size(), 0U);
+  EXPECT_EQ(emulated.deskew(deskewJob({}, nullptr, m.sweep(), steps, {})).points.size(), 0U);
 }
 
 TEST(EmulatedBackend, GivesTheVoxelGridOfTheCpu) {
-  Points p = hall(1, 3000);
+  Points p = hall(1, 800);
   push(p, std::nan(""), 0, 0);
   push(p, 0, HUGE_VAL, 0);
   push(p, 0, 0, -1e9);
@@ -146,8 +151,17 @@ TEST(EmulatedBackend, GivesTheVoxelGridOfTheCpu) {
       expectSame(emulated.voxelGrid(p.view(), size_m, dropped_there), here);
       EXPECT_EQ(dropped_there, dropped);
     }
-    std::size_t dropped = 0;
+    std::size_t dropped = 9;
     EXPECT_EQ(emulated.voxelGrid({}, 1, dropped).size(), 0U);
+    EXPECT_EQ(dropped, 0U);
+    Points nothing;
+    push(nothing, std::nan(""), 0, 0);
+    EXPECT_EQ(emulated.voxelGrid(nothing.view(), 1, dropped).size(), 0U);
+    EXPECT_EQ(dropped, 1U);
+    if (seed == kSeeds.back()) continue;
+    const Points uneven =
+        unevenVoxels(1);  // runs across warps and blocks, and more points than kBoxBlocks have threads
+    expectSame(emulated.voxelGrid(uneven.view(), 1, dropped), cpu->voxelGrid(uneven.view(), 1, dropped));
   }
 }
 

@@ -2,6 +2,7 @@
  * Clouds for tests and benchmarks: drawn from a seed, or read from the real scan pair. */
 #pragma once
 
+#include <algorithm>
 #include <array>
 #include <cmath>
 #include <fstream>
@@ -27,6 +28,23 @@ inline Points randomCloud(unsigned seed, int n, double size_m) {
   std::uniform_real_distribution<double> u(-size_m, size_m);
   Points p;
   for (int i = 0; i < n; ++i) push(p, u(engine), u(engine), u(engine));
+  return p;
+}
+
+/** Ten voxels of 1 m with as many points as a warp takes at once, one less, one more, and thousands, in any order. */
+inline Points unevenVoxels(unsigned seed) {
+  std::mt19937 engine(seed);
+  std::uniform_real_distribution<double> inside(0.01, 0.99);
+  std::vector<std::array<double, 3>> rows;
+  double voxel = -4;
+  for (const int n : {1, 2, 31, 32, 33, 127, 128, 129, 257, 8000}) {
+    for (int i = 0; i < n; ++i)
+      rows.push_back({voxel + inside(engine), 3 + inside(engine), -2 + inside(engine)});
+    voxel += 1;
+  }
+  std::shuffle(rows.begin(), rows.end(), engine);
+  Points p;
+  for (const auto& q : rows) push(p, q[0], q[1], q[2]);
   return p;
 }
 
