@@ -2,6 +2,7 @@
  * The CPU: what is not worth vectors, around the loops of cpu/loops.cpp. */
 #include <algorithm>
 #include <array>
+#include <limits>
 #include <numeric>
 #include <optional>
 #include <utility>
@@ -121,25 +122,25 @@ class CpuBackend : public BackendBase {
   std::unique_ptr<MapMirror> mirror() override { return nullptr; }
 
   Deskewed deskew(const DeskewJob& job) override {
+    moveScan(job);
+    return joinedScan();
+  }
+
+  PreparedScan prepare(const DeskewJob& job, double voxel_size_m, const CovarianceOptions& options,
+                       Deskewed* full) override {
+    moveScan(job);
+    if (full != nullptr) *full = joinedScan();
     const std::size_t n = job.scan.size;
-    for (auto& axis : x_moved) axis.resize(n);
-    x_order.resize(n);
-    x_of_piece.assign((n + kPiece - 1) / kPiece, 0);
-    const DeskewedOut to{x_moved[0].data(), x_moved[1].data(), x_moved[2].data(), x_order.data()};
-    x_workers.forPieces(n, kPiece, [&](std::size_t first, std::size_t last, int) {
-      x_of_piece[first / kPiece] = x_loops.deskew(job, first, last, to);
-    });
-    const std::size_t kept = std::accumulate(x_of_piece.begin(), x_of_piece.end(), std::size_t{0});
-    const auto joined = [&](const auto& pieces) {
-      std::decay_t<decltype(pieces)> all;
-      all.reserve(kept);
-      for (std::size_t k = 0; k < x_of_piece.size(); ++k) {
-        const auto* from = pieces.data() + k * kPiece;
-        all.insert(all.end(), from, from + x_of_piece[k]);
-      }
-      return all;
-    };
-    return {{joined(x_moved[0]), joined(x_moved[1]), joined(x_moved[2])}, joined(x_order)};
+    for (std::size_t k = 0; k < x_of_piece.size(); ++k)  // without a voxel, behind each piece
+      for (auto& axis : x_moved)
+        std::fill(&axis[k * kPiece] + x_of_piece[k], &axis[k * kPiece] + std::min(kPiece, n - k * kPiece),
+                  std::numeric_limits<float>::quiet_NaN());
+    std::size_t dropped = 0;
+    PreparedScan out;
+    out.points =
+        voxelGrid({x_moved[0].data(), x_moved[1].data(), x_moved[2].data(), n}, voxel_size_m, dropped);
+    out.covariances = covariances(out.points.view(), options);
+    return out;
   }
 
   Points voxelGrid(const PointsView& points, double voxel_size_m, std::size_t& dropped) override {
@@ -224,6 +225,32 @@ class CpuBackend : public BackendBase {
   }
 
  private:
+  /** What is kept of piece k of the scan stands in x_moved and x_order from k * kPiece on, x_of_piece[k] points. */
+  void moveScan(const DeskewJob& job) {
+    const std::size_t n = job.scan.size;
+    for (auto& axis : x_moved) axis.resize(n);
+    x_order.resize(n);
+    x_of_piece.assign((n + kPiece - 1) / kPiece, 0);
+    const DeskewedOut to{x_moved[0].data(), x_moved[1].data(), x_moved[2].data(), x_order.data()};
+    x_workers.forPieces(n, kPiece, [&](std::size_t first, std::size_t last, int) {
+      x_of_piece[first / kPiece] = x_loops.deskew(job, first, last, to);
+    });
+  }
+
+  [[nodiscard]] Deskewed joinedScan() const {
+    const std::size_t kept = std::accumulate(x_of_piece.begin(), x_of_piece.end(), std::size_t{0});
+    const auto joined = [&](const auto& pieces) {
+      std::decay_t<decltype(pieces)> all;
+      all.reserve(kept);
+      for (std::size_t k = 0; k < x_of_piece.size(); ++k) {
+        const auto* from = pieces.data() + k * kPiece;
+        all.insert(all.end(), from, from + x_of_piece[k]);
+      }
+      return all;
+    };
+    return {{joined(x_moved[0]), joined(x_moved[1]), joined(x_moved[2])}, joined(x_order)};
+  }
+
   static CovariancesOut outOf(Covariances& C) {
     return {C.xx.data(), C.xy.data(), C.xz.data(),        C.yy.data(),
             C.yz.data(), C.zz.data(), C.neighbours.data()};

@@ -3,6 +3,8 @@
  * scan. */
 #pragma once
 
+#include <cmath>
+
 #include "core/deskew.hpp"
 #include "kernels/rows.hpp"
 #include "kernels/simt.hpp"
@@ -11,14 +13,14 @@ namespace raceloc::gpu {
 
 inline constexpr int kDeskewThreads = 256;
 
-/** kept[i] is 1 or 0; their inclusive sum numbers the kept points from 1. */
+/** kept[i] is 1 or 0; their inclusive sum numbers the kept points from 1. The others are moved to NaN. */
 RACELOC_KERNEL(kDeskewThreads)
 deskewPoints(DeskewJob job, PointsOut moved, std::uint32_t* kept) {
   const std::uint32_t i = simt::globalThread();
   if (i >= job.scan.size) return;
   Vec3<float> p_end{};
   kept[i] = deskewed(job, i, p_end) ? 1 : 0;
-  moved.x[i] = p_end.x;
+  moved.x[i] = kept[i] != 0 ? p_end.x : NAN;
   moved.y[i] = p_end.y;
   moved.z[i] = p_end.z;
 }

@@ -76,83 +76,35 @@ class DeviceBackend : public BackendBase {
   std::unique_ptr<MapMirror> mirror() override { return std::make_unique<DeviceMirror<Machine>>(x_machine); }
 
   Deskewed deskew(const DeskewJob& job) override {
-    const auto n = static_cast<std::uint32_t>(job.scan.size);
-    if (n == 0) return {};
+    if (job.scan.size == 0) return {};
     x_machine.select();
-    DeskewJob here = job;
-    here.scan = upload(job.scan);
-    here.steps = x_steps.upload(x_machine, {job.steps}, job.step_count);
-    if (job.time_s != nullptr) here.time_s = x_times.upload(x_machine, {job.time_s}, n);
-    const PointsOut moved = pointRows(x_sorted.room(kPointRows * n), n);
-    x_machine.launch("deskewPoints", {blocksFor(n, kDeskewThreads)}, kDeskewThreads, deskewPoints, here,
-                     moved, x_sort.heads.room(n));
-    x_machine.numberRuns(x_sort, n);
-    const std::uint32_t kept = lastNumber(n);
-    const PointsOut to = pointRows(x_result.room(kPointRows * kept), kept);
-    x_machine.launch("compact", {blocksFor(n, kDeskewThreads)}, kDeskewThreads, compact, moved.view(n),
-                     x_sort.heads.data(), x_sort.numbers.data(),
-                     DeskewedOut{to.x, to.y, to.z, x_sort.order.room(kept)});
-    x_sort.order.download(x_machine, kept);
-    return {fetchPoints(kept), rowOf(x_sort.order.host(), kept)};
+    return compacted(moved(job));
   }
 
   Points voxelGrid(const PointsView& points, double voxel_size_m, std::size_t& dropped) override {
-    const auto n = static_cast<std::uint32_t>(points.size);
     x_machine.select();
-    const PointsView p = upload(points);
-    const VoxelBox box = boxOf(p, voxel_size_m);
-    dropped = n - box.kept;
-    if (box.kept == 0) return {};
-    const KeyLayout layout = KeyLayout::of(box.low, box.high);
-    x_machine.launch("voxelKeys", {blocksFor(n, kRunThreads)}, kRunThreads, voxelKeys, p, layout,
-                     voxel_size_m, x_sort.keys.room(n), x_sort.order.room(n));
-    x_machine.sortPairs(x_sort, n, layout.bits + 1);  // one bit more: dropped points come last
-    numberRuns(box.kept);
-    x_machine.launch("listRuns", {blocksFor(box.kept, kRunThreads)}, kRunThreads, listRuns,
-                     x_sort.heads.data(), x_sort.numbers.data(), box.kept, x_first.room(box.kept + 1));
-    const std::uint32_t voxels = lastNumber(box.kept);
-    x_machine.launch("centroids", {blocksFor(std::size_t{simt::kWarp} * voxels, kRunThreads)}, kRunThreads,
-                     centroids, p, x_sort.order_sorted.data(), x_first.data(), voxels,
-                     pointRows(x_result.room(kPointRows * voxels), voxels));
-    return fetchPoints(voxels);
+    return thinned(upload(points), voxel_size_m, dropped);
   }
 
   Covariances covariances(const PointsView& points, const CovarianceOptions& options) override {
-    const auto n = static_cast<std::uint32_t>(points.size);
-    if (n == 0) return {};
+    if (points.size == 0) return {};
     x_machine.select();
-    const NeighbourGrid grid = NeighbourGrid::over(points, options.radius_m);
-    const PointsView p = upload(points);
-    x_machine.launch("cellKeys", {blocksFor(n, kRunThreads)}, kRunThreads, cellKeys, p, grid,
-                     x_sort.keys.room(n), x_sort.order.room(n));
-    x_machine.sortPairs(x_sort, n, grid.layout.bits);
-    numberRuns(n);
-    const std::uint32_t cells = lastNumber(n);
-    const PointsOut sorted = pointRows(x_sorted.room(kPointRows * n), n);
-    x_machine.launch("listCells", {blocksFor(n, kRunThreads)}, kRunThreads, listCells, p,
-                     x_sort.keys_sorted.data(), x_sort.order_sorted.data(), x_sort.numbers.data(),
-                     x_cell_keys.room(cells), x_first.room(cells), sorted);
-    const std::size_t rows = static_cast<std::size_t>(cells) * kRowsAround;
-    x_machine.launch("findRuns", {blocksFor(rows, kRunThreads)}, kRunThreads, findRuns, grid,
-                     x_cell_keys.data(), x_first.data(), cells, n, x_runs.room(rows));
-    const CovariancesOut out = covarianceRows(x_result.room(kCovarianceRows * n), n, x_neighbours.room(n));
-    withWeight<float>(options, [&](const auto& weightOf) {
-      x_machine.launch("covarianceOfPoints", {blocksFor(n, kCovarianceThreads)}, kCovarianceThreads,
-                       covarianceOfPoints<std::decay_t<decltype(weightOf)>>, sorted.view(n),
-                       x_sort.order_sorted.data(), x_sort.numbers.data(), x_runs.data(),
-                       CovarianceSetup::of(options), weightOf, out);
-    });
-    x_result.download(x_machine, kCovarianceRows * n);
-    x_neighbours.download(x_machine, n);
-    x_machine.wait();
-    const float* C = x_result.host();
-    return {rowOf(C, n, 0),
-            rowOf(C, n, 1),
-            rowOf(C, n, 2),
-            rowOf(C, n, 3),
-            rowOf(C, n, 4),
-            rowOf(C, n, 5),
-            rowOf(x_neighbours.host(), n)};
+    return covariancesOf(upload(points), NeighbourGrid::over(points, options.radius_m), options);
+  }
+
+  PreparedScan prepare(const DeskewJob& job, double voxel_size_m, const CovarianceOptions& options,
+                       Deskewed* full) override {
+    x_machine.select();
+    const PointsView scan = moved(job);
+    if (full != nullptr) *full = compacted(scan);
+    std::size_t dropped = 0;
+    PreparedScan out;
+    out.points = thinned(scan, voxel_size_m, dropped);
+    if (out.points.size() == 0) return out;
+    const std::size_t n = out.points.size();
+    out.covariances = covariancesOf(pointRows(x_thinned.data(), n).view(n),
+                                    NeighbourGrid::over(out.points.view(), options.radius_m), options);
+    return out;
   }
 
   PassRunner& passes(const PointsView& source, const CovariancesView& covariances, const VoxelTable& table,
@@ -219,11 +171,96 @@ class DeviceBackend : public BackendBase {
     return pointRows(x_points.upload(x_machine, {p.x, p.y, p.z}, p.size), p.size);
   }
 
-  /** Waits for the n points of x_result. */
-  Points fetchPoints(std::size_t n) {
-    x_result.download(x_machine, kPointRows * n);
+  /** The scan in x_moved, NaN where a point is dropped; x_sort.heads says which are kept. */
+  PointsView moved(const DeskewJob& job) {
+    const auto n = static_cast<std::uint32_t>(job.scan.size);
+    const PointsOut to = pointRows(x_moved.room(kPointRows * n), n);
+    if (n == 0) return to.view(0);
+    DeskewJob here = job;
+    here.scan = upload(job.scan);
+    here.steps = x_steps.upload(x_machine, {job.steps}, job.step_count);
+    if (job.time_s != nullptr) here.time_s = x_times.upload(x_machine, {job.time_s}, n);
+    x_machine.launch("deskewPoints", {blocksFor(n, kDeskewThreads)}, kDeskewThreads, deskewPoints, here, to,
+                     x_sort.heads.room(n));
+    return to.view(n);
+  }
+
+  /** Of what moved() left behind. */
+  Deskewed compacted(const PointsView& scan) {
+    const auto n = static_cast<std::uint32_t>(scan.size);
+    if (n == 0) return {};
+    x_machine.numberRuns(x_sort, n);
+    const std::uint32_t kept = lastNumber(n);
+    const PointsOut to = pointRows(x_kept.room(kPointRows * kept), kept);
+    x_machine.launch("compact", {blocksFor(n, kDeskewThreads)}, kDeskewThreads, compact, scan,
+                     x_sort.heads.data(), x_sort.numbers.data(),
+                     DeskewedOut{to.x, to.y, to.z, x_sort.order.room(kept)});
+    x_sort.order.download(x_machine, kept);
+    Points points = fetched(x_kept, kept);
+    return {std::move(points), rowOf(x_sort.order.host(), kept)};
+  }
+
+  /** One point a voxel, here and in x_thinned. \param p  on the device */
+  Points thinned(const PointsView& p, double voxel_size_m, std::size_t& dropped) {
+    const auto n = static_cast<std::uint32_t>(p.size);
+    const VoxelBox box = boxOf(p, voxel_size_m);
+    dropped = n - box.kept;
+    if (box.kept == 0) return {};
+    const KeyLayout layout = KeyLayout::of(box.low, box.high);
+    x_machine.launch("voxelKeys", {blocksFor(n, kRunThreads)}, kRunThreads, voxelKeys, p, layout,
+                     voxel_size_m, x_sort.keys.room(n), x_sort.order.room(n));
+    x_machine.sortPairs(x_sort, n, layout.bits + 1);  // one bit more: dropped points come last
+    numberRuns(box.kept);
+    x_machine.launch("listRuns", {blocksFor(box.kept, kRunThreads)}, kRunThreads, listRuns,
+                     x_sort.heads.data(), x_sort.numbers.data(), box.kept, x_first.room(box.kept + 1));
+    const std::uint32_t voxels = lastNumber(box.kept);
+    x_machine.launch("centroids", {blocksFor(std::size_t{simt::kWarp} * voxels, kRunThreads)}, kRunThreads,
+                     centroids, p, x_sort.order_sorted.data(), x_first.data(), voxels,
+                     pointRows(x_thinned.room(kPointRows * voxels), voxels));
+    return fetched(x_thinned, voxels);
+  }
+
+  /** \param p  on the device, at least one point \param grid  over them */
+  Covariances covariancesOf(const PointsView& p, const NeighbourGrid& grid,
+                            const CovarianceOptions& options) {
+    const auto n = static_cast<std::uint32_t>(p.size);
+    x_machine.launch("cellKeys", {blocksFor(n, kRunThreads)}, kRunThreads, cellKeys, p, grid,
+                     x_sort.keys.room(n), x_sort.order.room(n));
+    x_machine.sortPairs(x_sort, n, grid.layout.bits);
+    numberRuns(n);
+    const std::uint32_t cells = lastNumber(n);
+    const PointsOut sorted = pointRows(x_sorted.room(kPointRows * n), n);
+    x_machine.launch("listCells", {blocksFor(n, kRunThreads)}, kRunThreads, listCells, p,
+                     x_sort.keys_sorted.data(), x_sort.order_sorted.data(), x_sort.numbers.data(),
+                     x_cell_keys.room(cells), x_first.room(cells), sorted);
+    const std::size_t rows = static_cast<std::size_t>(cells) * kRowsAround;
+    x_machine.launch("findRuns", {blocksFor(rows, kRunThreads)}, kRunThreads, findRuns, grid,
+                     x_cell_keys.data(), x_first.data(), cells, n, x_runs.room(rows));
+    const CovariancesOut out =
+        covarianceRows(x_covariances.room(kCovarianceRows * n), n, x_neighbours.room(n));
+    withWeight<float>(options, [&](const auto& weightOf) {
+      x_machine.launch("covarianceOfPoints", {blocksFor(n, kCovarianceThreads)}, kCovarianceThreads,
+                       covarianceOfPoints<std::decay_t<decltype(weightOf)>>, sorted.view(n),
+                       x_sort.order_sorted.data(), x_sort.numbers.data(), x_runs.data(),
+                       CovarianceSetup::of(options), weightOf, out);
+    });
+    x_covariances.download(x_machine, kCovarianceRows * n);
+    x_neighbours.download(x_machine, n);
     x_machine.wait();
-    const float* p = x_result.host();
+    const float* C = x_covariances.host();
+    return {rowOf(C, n, 0),
+            rowOf(C, n, 1),
+            rowOf(C, n, 2),
+            rowOf(C, n, 3),
+            rowOf(C, n, 4),
+            rowOf(C, n, 5),
+            rowOf(x_neighbours.host(), n)};
+  }
+
+  Points fetched(Array<float>& points, std::size_t n) {
+    points.download(x_machine, kPointRows * n);
+    x_machine.wait();
+    const float* p = points.host();
     return {rowOf(p, n, 0), rowOf(p, n, 1), rowOf(p, n, 2)};
   }
 
@@ -254,9 +291,11 @@ class DeviceBackend : public BackendBase {
   }
 
   Machine x_machine;
-  Array<float> x_points, x_covariances;  ///< the caller's
-  Array<float> x_sorted, x_result;
-  Array<float> x_times;
+  Array<float> x_points, x_times;  ///< the caller's
+  Array<float> x_moved, x_kept;    ///< the scan at the end of its sweep; what is kept of it
+  Array<float> x_thinned;          ///< one point a voxel
+  Array<float> x_sorted;           ///< by cell
+  Array<float> x_covariances;
   Array<SweepStep> x_steps;
   SortBuffers<Machine> x_sort;
   Array<VoxelBox> x_boxes;

@@ -70,7 +70,7 @@ TEST_P(Deskew, MovesEachPointByItsOwnTimeAndCrops) {
 TEST_P(Deskew, GivesTheBitsOfTheCpu) {
   Context cpu(Backend::cpu);
   const MovingScan m = moving(hall(4, 20000));
-  for (const float* time_s : {m.time_s.data(), static_cast<const float*>(nullptr)}) {
+  for (const float* time_s : std::initializer_list<const float*>{m.time_s.data(), nullptr}) {
     const Deskewed here = deskew(context(), m.scan.view(), time_s, m.sweep(), {});
     const Deskewed there = deskew(cpu, m.scan.view(), time_s, m.sweep(), {});
     const Deskewed again = deskew(context(), m.scan.view(), time_s, m.sweep(), {});

@@ -193,6 +193,31 @@ TEST(EmulatedBackend, GivesTheCovariancesOfTheCpu) {
   }
 }
 
+TEST(EmulatedBackend, PreparesAsInSteps) {
+  MovingScan m = moving(hall(6, 1500));
+  m.scan.y[9] = HUGE_VALF;
+  const std::vector<SweepStep> steps = sweepSteps(m.sweep(), true);
+  const DeskewJob job = deskewJob(m.scan.view(), m.time_s.data(), m.sweep(), steps, {3, 12, 4, 4, 4});
+  Emulated emulated(1), other(2);
+  std::size_t dropped = 0;
+  const Deskewed moved_scan = emulated.deskew(job);
+  const Points points = emulated.voxelGrid(moved_scan.points.view(), 0.5, dropped);
+  const Covariances C = emulated.covariances(points.view(), {});
+  for (Emulated* device : {&emulated, &other}) {
+    Deskewed full;
+    for (Deskewed* wanted : {&full, static_cast<Deskewed*>(nullptr)}) {
+      const PreparedScan out = device->prepare(job, 0.5, {}, wanted);
+      expectSame(out.points, points);
+      for (std::size_t k = 0; k < 6; ++k) EXPECT_EQ(*entries(out.covariances)[k], *entries(C)[k]);
+      EXPECT_EQ(out.covariances.neighbours, C.neighbours);
+    }
+    expectSame(full.points, moved_scan.points);
+    EXPECT_EQ(full.indices, moved_scan.indices);
+  }
+  const DeskewJob empty = deskewJob({}, nullptr, m.sweep(), steps, {});
+  EXPECT_EQ(emulated.prepare(empty, 0.5, {}, nullptr).points.size(), 0U);
+}
+
 class EmulatedMatch : public ::testing::Test {
  protected:
   EmulatedMatch() { x_table.insert(x_target.view(), x_cpu->covariances(x_target.view(), {}).view(), {}); }

@@ -37,6 +37,10 @@ class Faulty : public BackendBase {
     in_covariances(out);
     return out;
   }
+  PreparedScan prepare(const DeskewJob& job, double voxel_size_m, const CovarianceOptions& options,
+                       Deskewed* full) override {
+    return x_cpu->prepare(job, voxel_size_m, options, full);
+  }
   std::unique_ptr<MapMirror> mirror() override { return nullptr; }
   PassRunner& passes(const PointsView& source, const CovariancesView& covariances, const VoxelTable& table,
                      const MapMirror* mirror, const MatchOptions& options) override {
