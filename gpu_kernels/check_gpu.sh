@@ -52,7 +52,7 @@ if [[ $failed -eq 0 ]]; then
   step "tests" "$tests" --gtest_filter='*'
   skipped=$(grep -c '^\[  SKIPPED \].*/cuda' "$build/tests.log")
   [[ $skipped -eq 0 ]] || { rows+=("| tests on the GPU | $skipped SKIPPED | $build/tests.log |") && failed=1; }
-  small='Devices/VoxelGrid.TakesTheSmallestClouds/cuda:Devices/VoxelGrid.DropsAndCountsWhatHasNoVoxel/cuda:Devices/CovarianceKernels.SayWhenTheyKnowNothing/cuda:Devices/Matcher.SaysWhenItRanOut/cuda'
+  small='Devices/Deskew.TakesTheSmallestScans/cuda:Devices/Deskew.DropsWhatIsNotFinite/cuda:Devices/Prepare.*/cuda:Devices/VoxelGrid.TakesVoxelsOfFewAndOfThousands/cuda:Devices/VoxelGrid.TakesTheSmallestClouds/cuda:Devices/VoxelGrid.DropsAndCountsWhatHasNoVoxel/cuda:Devices/CovarianceKernels.SayWhenTheyKnowNothing/cuda:Devices/Matcher.SaysWhenItRanOut/cuda'
   for tool in memcheck racecheck initcheck synccheck; do
     if command -v compute-sanitizer >/dev/null; then
       step "compute-sanitizer $tool" compute-sanitizer --tool $tool --error-exitcode 1 "$tests" --gtest_filter="$small"

@@ -7,6 +7,7 @@
 #include <sstream>
 #include <utility>
 
+#include "api/deskew_job.hpp"
 #include "api/voxel_table.hpp"
 #include "core/se3_lm.hpp"
 
@@ -48,7 +49,22 @@ Points room(std::uint32_t seed, int n) {
   return p;
 }
 
+/** The room seen in a sweep of 0.1 s by a sensor that moves 3 m and turns. */
+Deskewed deskewedRoom(BackendBase& backend) {
+  const Points scan = room(3, 4000);
+  std::vector<float> time_s;
+  for (std::size_t i = 0; i < scan.size(); ++i)
+    time_s.push_back(0.1F * static_cast<float>(i) / static_cast<float>(scan.size()));
+  const std::array<Affine, 3> T_end_lidar{Affine{0.995F, 0.1F, 0, -3, -0.1F, 0.995F, 0, 0.2F, 0, 0, 1, 1},
+                                          Affine{0.999F, 0.05F, 0, -1.5F, -0.05F, 0.999F, 0, 0, 0, 0, 1, 1},
+                                          Affine{1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 1}};
+  const SweepView sweep{T_end_lidar.data(), T_end_lidar.size(), 0.1F};
+  const std::vector<SweepStep> steps = sweepSteps(sweep, true);
+  return backend.deskew(deskewJob(scan.view(), time_s.data(), sweep, steps, {}));
+}
+
 struct Result {
+  Deskewed deskewed;
   Points thinned;
   Covariances covariances;
   Match match;
@@ -61,6 +77,7 @@ Result through(BackendBase& backend) {
   raw.regularisation = Regularisation::none;
   const CovarianceOptions planes;
   Result result;
+  result.deskewed = deskewedRoom(backend);
   std::size_t dropped = 0;
   result.thinned = backend.voxelGrid(room(1, 6000).view(), 0.25, dropped);
   const PointsView target = result.thinned.view();
@@ -97,6 +114,12 @@ std::string compare(const Result& here, const Result& cpu) {
   constexpr double covariance_m2 = 1e-4;  // of some 0.1: exponentials of 1e-6, sums in another order
   constexpr double pose_m = 1e-4, pose_rad = 1e-5;  // planes turn by 1e-3 where their normal is weak
   std::ostringstream text;
+  const Points &moved = here.deskewed.points, &moved_there = cpu.deskewed.points;
+  if (here.deskewed.indices != cpu.deskewed.indices || moved.x != moved_there.x || moved.y != moved_there.y ||
+      moved.z != moved_there.z) {
+    text << "its deskewed scan of " << moved.size() << " points is not the CPU's of " << moved_there.size();
+    return text.str();
+  }
   if (here.thinned.x != cpu.thinned.x || here.thinned.y != cpu.thinned.y || here.thinned.z != cpu.thinned.z) {
     text << "its voxel grid of " << here.thinned.size() << " points is not the CPU's of "
          << cpu.thinned.size();

@@ -9,7 +9,7 @@
 
 namespace raceloc::gpu {
 
-/** Takes a built-in pair of scans through voxel grid, covariances, map and match on both, some milliseconds.
+/** Takes a built-in pair of scans through de-skewing, voxel grid, covariances, map and match on both, some milliseconds.
  * \return what differs, in one line; empty if nothing does. Errors of the device's driver are such a line too. */
 [[nodiscard]] std::string selfTest(BackendBase& device);
 

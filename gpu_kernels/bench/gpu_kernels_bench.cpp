@@ -7,7 +7,9 @@
 #include <string>
 
 #include "raceloc/gpu/covariance.h"
+#include "raceloc/gpu/deskew.h"
 #include "raceloc/gpu/matcher.h"
+#include "raceloc/gpu/prepare.h"
 #include "raceloc/gpu/voxel_grid.h"
 #include "tests/scenes.h"
 
@@ -43,6 +45,16 @@ void onDevice(benchmark::State& state, const Body& body) {
     state.SkipWithError(reason.what());
   }
 }
+
+void BM_Deskew(benchmark::State& state) {
+  onDevice(state, [&](Context& context) {
+    const test::MovingScan m = test::moving(scans().raw.source);
+    while (state.KeepRunning())
+      benchmark::DoNotOptimize(deskew(context, m.scan.view(), m.time_s.data(), m.sweep(), {}));
+    state.SetItemsProcessed(state.iterations() * static_cast<std::int64_t>(m.scan.size()));
+  });
+}
+BENCHMARK(BM_Deskew)->DenseRange(0, 1)->UseRealTime()->Unit(benchmark::kMillisecond);
 
 void BM_VoxelGrid(benchmark::State& state) {
   onDevice(state, [&](Context& context) {
@@ -148,6 +160,52 @@ void BM_RawScanToPose(benchmark::State& state) {
   });
 }
 BENCHMARK(BM_RawScanToPose)->DenseRange(0, 1)->UseRealTime()->Unit(benchmark::kMillisecond);
+
+constexpr Crop kEverything{0, 1e6F, 0, 0, 0};
+
+/** The source with times and the poses of a sensor that does not move: all the work, and the scan stays what it is. */
+test::MovingScan stillScan() {
+  test::MovingScan m = test::moving(scans().raw.source);
+  for (Affine& T : m.T_end_lidar) T = {1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0};
+  return m;
+}
+
+/** Second argument: 0 is its three steps one after another, 1 is prepare(). */
+void BM_Prepare(benchmark::State& state) {
+  onDevice(state, [&](Context& context) {
+    const test::MovingScan m = stillScan();
+    const PointsView scan = m.scan.view();
+    while (state.KeepRunning()) {
+      if (state.range(1) == 1) {
+        benchmark::DoNotOptimize(
+            prepare(context, scan, m.time_s.data(), m.sweep(), kEverything, kLeaf_m, {}));
+      } else {
+        const Deskewed moved = deskew(context, scan, m.time_s.data(), m.sweep(), kEverything);
+        const Points thinned = voxelGrid(context, moved.points.view(), kLeaf_m);
+        benchmark::DoNotOptimize(covariances(context, thinned.view(), {}));
+      }
+    }
+  });
+}
+BENCHMARK(BM_Prepare)->ArgsProduct({{0, 1}, {0, 1}})->UseRealTime()->Unit(benchmark::kMillisecond);
+
+/** As BM_RawScanToPose, but of a scan with times, by prepare(). */
+void BM_MovingScanToPose(benchmark::State& state) {
+  onDevice(state, [&](Context& context) {
+    const Points& target = scans().target;
+    VoxelMap map(context, kVoxel_m);
+    map.insert(target.view(), covariances(context, target.view(), {}).view(), {});
+    const test::MovingScan m = stillScan();
+    Match result;
+    while (state.KeepRunning()) {
+      const PreparedScan source =
+          prepare(context, m.scan.view(), m.time_s.data(), m.sweep(), kEverything, kLeaf_m, {});
+      result = match(context, source.points.view(), source.covariances.view(), map, {}, {});
+    }
+    state.SetLabel(said(result));
+  });
+}
+BENCHMARK(BM_MovingScanToPose)->DenseRange(0, 1)->UseRealTime()->Unit(benchmark::kMillisecond);
 
 }  // namespace
 }  // namespace raceloc::gpu

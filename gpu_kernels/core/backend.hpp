@@ -5,11 +5,14 @@
 #include <memory>
 #include <string>
 
+#include "core/deskew.hpp"
 #include "core/factor.hpp"
 #include "raceloc/gpu/context.h"
 #include "raceloc/gpu/covariance.h"
+#include "raceloc/gpu/deskew.h"
 #include "raceloc/gpu/matcher.h"
 #include "raceloc/gpu/nearest_target.h"
+#include "raceloc/gpu/prepare.h"
 #include "raceloc/gpu/types.h"
 
 namespace raceloc::gpu {
@@ -44,8 +47,11 @@ class BackendBase {
   virtual ~BackendBase() = default;
   [[nodiscard]] virtual Backend kind() const = 0;
   [[nodiscard]] virtual std::string description() const = 0;  ///< device, for the log
+  virtual Deskewed deskew(const DeskewJob& job) = 0;
   virtual Points voxelGrid(const PointsView& points, double voxel_size_m, std::size_t& dropped) = 0;
   virtual Covariances covariances(const PointsView& points, const CovarianceOptions& options) = 0;
+  virtual PreparedScan prepare(const DeskewJob& job, double voxel_size_m, const CovarianceOptions& options,
+                               Deskewed* full) = 0;
   virtual std::unique_ptr<MapMirror> mirror() = 0;  ///< null where the host's table serves
   /** Good until the next call: a backend has one runner, which works in its buffers. \param mirror of this
    * backend */

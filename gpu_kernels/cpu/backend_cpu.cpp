@@ -2,6 +2,7 @@
  * The CPU: what is not worth vectors, around the loops of cpu/loops.cpp. */
 #include <algorithm>
 #include <array>
+#include <limits>
 #include <numeric>
 #include <optional>
 #include <utility>
@@ -120,8 +121,30 @@ class CpuBackend : public BackendBase {
   }
   std::unique_ptr<MapMirror> mirror() override { return nullptr; }
 
+  Deskewed deskew(const DeskewJob& job) override {
+    moveScan(job);
+    return joinedScan();
+  }
+
+  PreparedScan prepare(const DeskewJob& job, double voxel_size_m, const CovarianceOptions& options,
+                       Deskewed* full) override {
+    moveScan(job);
+    if (full != nullptr) *full = joinedScan();
+    const std::size_t n = job.scan.size;
+    for (std::size_t k = 0; k < x_of_piece.size(); ++k)  // without a voxel, behind each piece
+      for (auto& axis : x_moved)
+        std::fill(&axis[k * kPiece] + x_of_piece[k], &axis[k * kPiece] + std::min(kPiece, n - k * kPiece),
+                  std::numeric_limits<float>::quiet_NaN());
+    std::size_t dropped = 0;
+    PreparedScan out;
+    out.points =
+        voxelGrid({x_moved[0].data(), x_moved[1].data(), x_moved[2].data(), n}, voxel_size_m, dropped);
+    out.covariances = covariances(out.points.view(), options);
+    return out;
+  }
+
   Points voxelGrid(const PointsView& points, double voxel_size_m, std::size_t& dropped) override {
-    const Box box = findVoxels(points, voxel_size_m);
+    const VoxelBox box = findVoxels(points, voxel_size_m);
     dropped = points.size - box.kept;
     Points out;
     if (box.kept == 0) return out;
@@ -138,10 +161,13 @@ class CpuBackend : public BackendBase {
     x_workers.forPieces(voxels, kPiece, [&](std::size_t begin, std::size_t end, int) {
       for (std::size_t k = begin; k < end; ++k) {
         CentroidSum sum;
-        for (std::uint32_t s = x_first[k]; s < x_first[k + 1]; ++s)
-          for (std::uint32_t i = x_stretches[x_order[s]]; i < x_stretches[x_order[s] + 1]; ++i)
-            sum.add(points, i);
-        const Vec3<float> mean = sum.centroid();
+        std::uint32_t n = 0;
+        for (std::uint32_t s = x_first[k]; s < x_first[k + 1]; ++s) {
+          const std::uint32_t first = x_stretches[x_order[s]], last = x_stretches[x_order[s] + 1];
+          for (std::uint32_t i = first; i < last; ++i) sum.add(points, i);
+          n += last - first;
+        }
+        const Vec3<float> mean = sum.centroid(n);
         out.x[k] = mean.x, out.y[k] = mean.y, out.z[k] = mean.z;
       }
     });
@@ -199,26 +225,46 @@ class CpuBackend : public BackendBase {
   }
 
  private:
+  /** What is kept of piece k of the scan stands in x_moved and x_order from k * kPiece on, x_of_piece[k] points. */
+  void moveScan(const DeskewJob& job) {
+    const std::size_t n = job.scan.size;
+    for (auto& axis : x_moved) axis.resize(n);
+    x_order.resize(n);
+    x_of_piece.assign((n + kPiece - 1) / kPiece, 0);
+    const DeskewedOut to{x_moved[0].data(), x_moved[1].data(), x_moved[2].data(), x_order.data()};
+    x_workers.forPieces(n, kPiece, [&](std::size_t first, std::size_t last, int) {
+      x_of_piece[first / kPiece] = x_loops.deskew(job, first, last, to);
+    });
+  }
+
+  [[nodiscard]] Deskewed joinedScan() const {
+    const std::size_t kept = std::accumulate(x_of_piece.begin(), x_of_piece.end(), std::size_t{0});
+    const auto joined = [&](const auto& pieces) {
+      std::decay_t<decltype(pieces)> all;
+      all.reserve(kept);
+      for (std::size_t k = 0; k < x_of_piece.size(); ++k) {
+        const auto* from = pieces.data() + k * kPiece;
+        all.insert(all.end(), from, from + x_of_piece[k]);
+      }
+      return all;
+    };
+    return {{joined(x_moved[0]), joined(x_moved[1]), joined(x_moved[2])}, joined(x_order)};
+  }
+
   static CovariancesOut outOf(Covariances& C) {
     return {C.xx.data(), C.xy.data(), C.xz.data(),        C.yy.data(),
             C.yz.data(), C.zz.data(), C.neighbours.data()};
   }
 
-  Box findVoxels(const PointsView& points, double voxel_size_m) {
+  VoxelBox findVoxels(const PointsView& points, double voxel_size_m) {
     for (auto& axis : x_voxels) axis.resize(points.size);
     const VoxelJob job{points, voxel_size_m, x_voxels[0].data(), x_voxels[1].data(), x_voxels[2].data()};
-    x_boxes.assign((points.size + kPiece - 1) / kPiece, Box{});
+    x_boxes.assign((points.size + kPiece - 1) / kPiece, VoxelBox{});
     x_workers.forPieces(points.size, kPiece, [&](std::size_t first, std::size_t last, int) {
       x_loops.voxels(job, first, last, x_boxes[first / kPiece]);
     });
-    Box all;
-    for (const Box& box : x_boxes) {
-      all.low = {std::min(all.low.x, box.low.x), std::min(all.low.y, box.low.y),
-                 std::min(all.low.z, box.low.z)};
-      all.high = {std::max(all.high.x, box.high.x), std::max(all.high.y, box.high.y),
-                  std::max(all.high.z, box.high.z)};
-      all.kept += box.kept;
-    }
+    VoxelBox all;
+    for (const VoxelBox& box : x_boxes) all.add(box);
     return all;
   }
 
@@ -358,13 +404,13 @@ class CpuBackend : public BackendBase {
   std::optional<CpuPasses> x_passes;
   // Buffers, kept from call to call.
   std::array<std::vector<std::int32_t>, 3> x_voxels;
-  std::vector<Box> x_boxes;
+  std::vector<VoxelBox> x_boxes;
   std::array<std::vector<NarrowItem>, 2> x_narrow;
   std::array<std::vector<WideItem>, 2> x_wide;
   std::vector<std::uint32_t> x_order, x_first, x_places, x_heads, x_stretches;
   std::vector<std::size_t> x_of_piece;
   std::vector<std::uint64_t> x_keys;
-  std::array<std::vector<float>, 3> x_sorted;
+  std::array<std::vector<float>, 3> x_sorted, x_moved;
   std::vector<Run> x_runs;
   BoxTree x_tree;
   std::vector<float> x_scratch;

@@ -80,6 +80,8 @@ RACELOC_HD F select(const M& condition, const F& yes, const F& no) {
   return wrapped(condition.v ? yes.v : no.v);
 }
 
+RACELOC_HD F product(const F& a, const F& b) { return a * b; }
+
 RACELOC_HD F larger(const F& a, const F& b) {
 #if defined(__AVX512F__)
   return wrapped(_mm512_maskz_max_ps(0xFFFF, a.v, b.v));  // without a mask, GCC 12 warns of its own header

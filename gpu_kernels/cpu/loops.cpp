@@ -433,7 +433,7 @@ void pass(const PassJob& job, std::size_t first, std::size_t last, double* sums)
 }
 
 /** As cellOf(), four or eight points at once. */
-void voxels(const VoxelJob& job, std::size_t first, std::size_t last, Box& box) {
+void voxels(const VoxelJob& job, std::size_t first, std::size_t last, VoxelBox& box) {
   constexpr int width = kWidth / 2;
   using Doubles = double __attribute__((vector_size(8 * width)));
   using Halves = float __attribute__((vector_size(4 * width)));
@@ -482,13 +482,98 @@ void voxels(const VoxelJob& job, std::size_t first, std::size_t last, Box& box) 
     };
     widen(low, box.low, true);
     widen(high, box.high, false);
-    box.kept += static_cast<std::size_t>(kept[k]);
+    box.kept += static_cast<std::uint32_t>(kept[k]);
   }
+}
+
+/** A group of 16 points of a scan. The scalar twin of this is deskewed(). */
+class DeskewGroup {
+ public:
+  explicit DeskewGroup(const DeskewJob& job) : x_job(job) {}
+
+  /** Points from `first` on. \return the lanes that are kept */
+  unsigned run(std::size_t first, int count) {
+    read(first, count);
+    const auto last = static_cast<float>(x_job.step_count - 1);
+    unsigned kept = 0;
+    for (int at = 0; at < kLanes; at += kWidth) {
+      const Vec3<F> p{load(&x_scan[0][at]), load(&x_scan[1][at]), load(&x_scan[2][at])};
+      const F time_s = load(&x_scan[3][at]), steps = stepsUntil(time_s, x_job.steps_per_s, last);
+      const Vec3<F> q = moved(p, truncated(steps), steps);
+      store(&x_moved[0][at], q.x), store(&x_moved[1][at], q.y), store(&x_moved[2][at], q.z);
+      kept |= lanesOf(isKept(x_job.crop, p, time_s, q)) << at;
+    }
+    return kept;
+  }
+
+  [[nodiscard]] const float* moved(int axis) const { return x_moved[axis]; }
+
+ private:
+  /** Lanes without a point are NaN. */
+  void read(std::size_t first, int count) {
+    const float* rows[4] = {x_job.scan.x, x_job.scan.y, x_job.scan.z, x_job.time_s};
+    for (int r = 0; r < 4; ++r) {
+      const float* from = rows[r] == nullptr ? kNoTimes : rows[r] + first;
+      if (count == kLanes) {
+        for (int at = 0; at < kLanes; at += kWidth) store(&x_scan[r][at], load(from + at));
+      } else {
+        for (int lane = 0; lane < kLanes; ++lane)
+          x_scan[r][lane] = lane < count ? from[lane] : __builtin_nanf("");
+      }
+    }
+  }
+
+  /** Points that follow each other in a scan are mostly of one step: its transform is then that of all lanes. */
+  [[nodiscard]] RACELOC_HD Vec3<F> moved(const Vec3<F>& p, Ints whole, const F& steps) const {
+    alignas(64) std::int32_t step[kWidth];
+    storeInts(step, whole);
+    const F share = steps - toFloats(whole);
+    Vec3<F> q = p;
+    for (unsigned left = (1U << kWidth) - 1; left != 0;) {
+      const std::int32_t k = step[__builtin_ctz(left)];
+      const M here{whole == k};
+      q = select(here, movedBetween(x_job.steps[k], share, p), q);
+      left &= ~lanesOf(here);
+    }
+    return q;
+  }
+
+  static constexpr float kNoTimes[kLanes] = {};
+  const DeskewJob& x_job;
+  alignas(64) float x_scan[4][kLanes];  ///< x, y, z, time
+  alignas(64) float x_moved[3][kLanes];
+};
+
+std::size_t deskew(const DeskewJob& job, std::size_t first, std::size_t last, const DeskewedOut& to) {
+  constexpr unsigned all = (1U << kLanes) - 1;
+  DeskewGroup group(job);
+  std::size_t out = first;
+  for (std::size_t i = first; i < last; i += kLanes) {
+    const int count = static_cast<int>(last - i < kLanes ? last - i : kLanes);
+    const unsigned kept = group.run(i, count);
+    float* axes[3] = {to.x + out, to.y + out, to.z + out};
+    if (kept == all) {
+      for (int axis = 0; axis < 3; ++axis)
+        __builtin_memcpy(axes[axis], group.moved(axis), kLanes * sizeof(float));
+      for (unsigned lane = 0; lane < kLanes; ++lane)
+        to.index[out + lane] = static_cast<std::uint32_t>(i) + lane;
+      out += kLanes;
+      continue;
+    }
+    for (int lane = 0; lane < count; ++lane) {  // a point that is not kept is written over by the next
+      for (int axis = 0; axis < 3; ++axis) axes[axis][0] = group.moved(axis)[lane];
+      to.index[out] = static_cast<std::uint32_t>(i) + static_cast<unsigned>(lane);
+      const unsigned one = kept >> lane & 1U;
+      for (float*& axis : axes) axis += one;
+      out += one;
+    }
+  }
+  return out - first;
 }
 
 }  // namespace
 
 extern const Loops loops;
-const Loops loops{GK_ISA_NAME, covariances, nearestCovariances, pass, voxels};
+const Loops loops{GK_ISA_NAME, covariances, nearestCovariances, pass, voxels, deskew};
 
 }  // namespace raceloc::gpu::GK_ISA

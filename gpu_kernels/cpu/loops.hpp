@@ -6,8 +6,10 @@
 #include <cstdint>
 #include <vector>
 
+#include "core/deskew.hpp"
 #include "core/factor.hpp"
 #include "core/neighbour_grid.hpp"
+#include "core/voxel_grid.hpp"
 #include "cpu/box_tree.hpp"
 #include "raceloc/gpu/covariance.h"
 #include "raceloc/gpu/types.h"
@@ -58,16 +60,11 @@ inline constexpr std::size_t kPassBlock = 256;
 /** Index of no voxel. */
 inline constexpr std::int32_t kNoCell = INT32_MIN;
 
-/** Voxels of points, and the box that they fill. */
+/** Voxels of points. */
 struct VoxelJob {
   PointsView points;
   double voxel_size_m;
   std::int32_t *x, *y, *z;  ///< x is kNoCell where a point has no voxel
-};
-
-struct Box {
-  Cell low{kCellLimit, kCellLimit, kCellLimit}, high{-kCellLimit, -kCellLimit, -kCellLimit};
-  std::size_t kept = 0;
 };
 
 struct Loops {
@@ -80,7 +77,9 @@ struct Loops {
   void (*nearestCovariances)(const NearestCovarianceJob&, std::size_t first, std::size_t last);
   /** The sums of points [first, last), at most kPassBlock, first a multiple of it. */
   void (*pass)(const PassJob&, std::size_t first, std::size_t last, double* sums);
-  void (*voxels)(const VoxelJob&, std::size_t first, std::size_t last, Box& box);
+  void (*voxels)(const VoxelJob&, std::size_t first, std::size_t last, VoxelBox& box);
+  /** What is kept of points [first, last) goes to `to` from `first` on. \return how many */
+  std::size_t (*deskew)(const DeskewJob&, std::size_t first, std::size_t last, const DeskewedOut& to);
 };
 
 /** The loops that this machine can run, the fastest first. */

@@ -5,6 +5,7 @@
 #include <cuda_runtime_api.h>
 
 #include <cstring>
+#include <initializer_list>
 #include <string>
 
 #include "raceloc/gpu/types.h"
@@ -54,14 +55,23 @@ class DeviceArray {
     return x_data;
   }
 
-  /** The copy before from or to this array must have ended. */
+  /** Rows of n elements, one behind the other. The copy before from or to this array must have ended. */
   template <class Machine>
-  const T* upload(const Machine& machine, const T* from, std::size_t n) {
-    T* data = room(n);
-    if (n == 0) return data;
-    std::memcpy(pinned(n), from, n * sizeof(T));
-    checkCuda(cudaMemcpyAsync(data, x_pinned, n * sizeof(T), cudaMemcpyHostToDevice, machine.stream()),
-              "cudaMemcpyAsync to the device");
+  const T* upload(const Machine& machine, std::initializer_list<const T*> rows, std::size_t n) {
+    const std::size_t total = rows.size() * n;
+    T* data = room(total);
+    if (total == 0) return data;
+    T* staged = pinned(total);
+    std::size_t filled = 0, sent = 0;
+    for (const T* row : rows) {
+      std::memcpy(staged + filled, row, n * sizeof(T));
+      filled += n;
+      if (filled < total && (filled - sent) * sizeof(T) < kCopyBytes) continue;
+      checkCuda(cudaMemcpyAsync(data + sent, staged + sent, (filled - sent) * sizeof(T),
+                                cudaMemcpyHostToDevice, machine.stream()),
+                "cudaMemcpyAsync to the device");
+      sent = filled;
+    }
     return data;
   }
 
@@ -88,6 +98,9 @@ class DeviceArray {
     }
     return x_pinned;
   }
+
+  /** Worth a copy of its own, which runs while the next rows are staged. */
+  static constexpr std::size_t kCopyBytes = std::size_t{128} * 1024;
 
   T* x_data = nullptr;
   T* x_pinned = nullptr;

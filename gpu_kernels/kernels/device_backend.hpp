@@ -1,7 +1,7 @@
 /** \file
  * The backend of a machine that runs the kernels: which one when, on which arrays. CUDA and the emulator of the
  * tests share it. A Machine has
- *   Array<T>: room(n), data(); upload(machine, from, n); download(machine, n, from), by the next wait() at host()
+ *   Array<T>: room(n), data(); upload(machine, rows, n); download(machine, n, from), by the next wait() at host()
  *   launch(name, blocks, threads, kernel, arguments...), wait(), select(), device(), description()
  *   sortPairs(SortBuffers&, n, bits), numberRuns(SortBuffers&, n)
  * The host keeps the master of every voxel map. */
@@ -18,6 +18,8 @@
 #include "core/backend.hpp"
 #include "core/weight.hpp"
 #include "kernels/covariance.kernel.hpp"
+#include "kernels/deskew.kernel.hpp"
+#include "kernels/rows.hpp"
 #include "kernels/sort_buffers.hpp"
 #include "kernels/sorted_runs.kernel.hpp"
 #include "kernels/vgicp.kernel.hpp"
@@ -39,8 +41,8 @@ class DeviceMirror : public MapMirror {
 
   void upload(const VoxelTable& table) override {
     x_machine.select();
-    x_view = {x_slots.upload(x_machine, table.slots().data(), table.slots().size()),
-              x_records.upload(x_machine, table.records().data(), table.records().size()), table.shift()};
+    x_view = {x_slots.upload(x_machine, {table.slots().data()}, table.slots().size()),
+              x_records.upload(x_machine, {table.records().data()}, table.records().size()), table.shift()};
     x_machine.wait();
   }
 
@@ -61,7 +63,8 @@ class DeviceBackend : public BackendBase {
     x_machine.select();
     Array<std::uint32_t> there;
     x_machine.launch("testLaunch", {1}, simt::kWarp, testLaunch, there.room(simt::kWarp));
-    fetch(simt::kWarp, there);
+    there.download(x_machine, simt::kWarp);
+    x_machine.wait();
     for (std::uint32_t i = 0; i < simt::kWarp; ++i) {
       if (there.host()[i] != 3 * i + 1)
         throw DeviceError("test launch: a wrong answer from " + x_machine.description());
@@ -72,57 +75,36 @@ class DeviceBackend : public BackendBase {
   [[nodiscard]] std::string description() const override { return x_machine.description(); }
   std::unique_ptr<MapMirror> mirror() override { return std::make_unique<DeviceMirror<Machine>>(x_machine); }
 
-  Points voxelGrid(const PointsView& points, double voxel_size_m, std::size_t& dropped) override {
-    const VoxelExtent extent = voxelExtent(points, voxel_size_m);
-    const auto n = static_cast<std::uint32_t>(points.size), kept = static_cast<std::uint32_t>(extent.kept);
-    dropped = points.size - extent.kept;
-    if (kept == 0) return {};
+  Deskewed deskew(const DeskewJob& job) override {
+    if (job.scan.size == 0) return {};
     x_machine.select();
-    const PointsView p = x_points.upload(x_machine, points);
-    x_machine.launch("voxelKeys", {blocksFor(n, kRunThreads)}, kRunThreads, voxelKeys, p, extent.layout,
-                     voxel_size_m, x_sort.keys.room(n), x_sort.order.room(n));
-    x_machine.sortPairs(x_sort, n, extent.layout.bits + 1);  // one bit more: dropped points come last
-    const std::uint32_t voxels = numberedRuns(kept);
-    const auto to = x_sorted.room(voxels);
-    x_machine.launch("centroids", {blocksFor(kept, kRunThreads)}, kRunThreads, centroids, p,
-                     x_sort.keys_sorted.data(), x_sort.order_sorted.data(), x_sort.numbers.data(), kept,
-                     to[0], to[1], to[2]);
-    fetch(voxels, x_sorted.x, x_sorted.y, x_sorted.z);
-    const auto taken = [voxels](const auto& array) {
-      return std::vector(array.host(), array.host() + voxels);
-    };
-    return {taken(x_sorted.x), taken(x_sorted.y), taken(x_sorted.z)};
+    return compacted(moved(job));
+  }
+
+  Points voxelGrid(const PointsView& points, double voxel_size_m, std::size_t& dropped) override {
+    x_machine.select();
+    return thinned(upload(points), voxel_size_m, dropped);
   }
 
   Covariances covariances(const PointsView& points, const CovarianceOptions& options) override {
-    const auto n = static_cast<std::uint32_t>(points.size);
-    if (n == 0) return {};
+    if (points.size == 0) return {};
     x_machine.select();
-    const NeighbourGrid grid = NeighbourGrid::over(points, options.radius_m);
-    const PointsView p = x_points.upload(x_machine, points);
-    x_machine.launch("cellKeys", {blocksFor(n, kRunThreads)}, kRunThreads, cellKeys, p, grid,
-                     x_sort.keys.room(n), x_sort.order.room(n));
-    x_machine.sortPairs(x_sort, n, grid.layout.bits);
-    const std::uint32_t cells = numberedRuns(n);
-    const auto sorted = x_sorted.room(n);
-    x_machine.launch("listCells", {blocksFor(n, kRunThreads)}, kRunThreads, listCells, p,
-                     x_sort.keys_sorted.data(), x_sort.order_sorted.data(), x_sort.numbers.data(),
-                     x_cell_keys.room(cells), x_cell_first.room(cells), sorted[0], sorted[1], sorted[2]);
-    const std::size_t rows = static_cast<std::size_t>(cells) * kRowsAround;
-    x_machine.launch("findRuns", {blocksFor(rows, kRunThreads)}, kRunThreads, findRuns, grid,
-                     x_cell_keys.data(), x_cell_first.data(), cells, n, x_runs.room(rows));
-    CovarianceBuffers& C = x_covariances;
-    withWeight<float>(options, [&](const auto& weightOf) {
-      x_machine.launch("covarianceOfPoints", {blocksFor(n, kCovarianceThreads)}, kCovarianceThreads,
-                       covarianceOfPoints<std::decay_t<decltype(weightOf)>>,
-                       PointsView{sorted[0], sorted[1], sorted[2], n}, x_sort.order_sorted.data(),
-                       x_sort.numbers.data(), x_runs.data(), CovarianceSetup::of(options), weightOf,
-                       C.room(n));
-    });
-    fetch(n, C.xx, C.xy, C.xz, C.yy, C.yz, C.zz, C.neighbours);
-    const auto taken = [n](const auto& array) { return std::vector(array.host(), array.host() + n); };
-    return {taken(C.xx), taken(C.xy), taken(C.xz),        taken(C.yy),
-            taken(C.yz), taken(C.zz), taken(C.neighbours)};
+    return covariancesOf(upload(points), NeighbourGrid::over(points, options.radius_m), options);
+  }
+
+  PreparedScan prepare(const DeskewJob& job, double voxel_size_m, const CovarianceOptions& options,
+                       Deskewed* full) override {
+    x_machine.select();
+    const PointsView scan = moved(job);
+    if (full != nullptr) *full = compacted(scan);
+    std::size_t dropped = 0;
+    PreparedScan out;
+    out.points = thinned(scan, voxel_size_m, dropped);
+    if (out.points.size() == 0) return out;
+    const std::size_t n = out.points.size();
+    out.covariances = covariancesOf(pointRows(x_thinned.data(), n).view(n),
+                                    NeighbourGrid::over(out.points.view(), options.radius_m), options);
+    return out;
   }
 
   PassRunner& passes(const PointsView& source, const CovariancesView& covariances, const VoxelTable& table,
@@ -138,43 +120,16 @@ class DeviceBackend : public BackendBase {
   template <class T>
   using Array = typename Machine::template Array<T>;
 
-  struct PointBuffers {
-    Array<float> x, y, z;
-
-    PointsView upload(Machine& machine, const PointsView& p) {
-      return {x.upload(machine, p.x, p.size), y.upload(machine, p.y, p.size), z.upload(machine, p.z, p.size),
-              p.size};
-    }
-    std::array<float*, 3> room(std::size_t n) { return {x.room(n), y.room(n), z.room(n)}; }
-  };
-
-  struct CovarianceBuffers {
-    Array<float> xx, xy, xz, yy, yz, zz;
-    Array<std::int32_t> neighbours;
-
-    CovariancesView upload(Machine& m, const CovariancesView& C) {
-      const std::size_t n = C.size;
-      return {xx.upload(m, C.xx, n),
-              xy.upload(m, C.xy, n),
-              xz.upload(m, C.xz, n),
-              yy.upload(m, C.yy, n),
-              yz.upload(m, C.yz, n),
-              zz.upload(m, C.zz, n),
-              n};
-    }
-    CovariancesOut room(std::size_t n) {
-      return {xx.room(n), xy.room(n), xz.room(n), yy.room(n), yz.room(n), zz.room(n), neighbours.room(n)};
-    }
-  };
-
   class Passes : public PassRunner {
    public:
     Passes(DeviceBackend& on, const PointsView& source, const CovariancesView& covariances,
            const VoxelTable& table, const DeviceMirror<Machine>& mirror, const MatchOptions& options)
         : x_on(on), x_voxel_size_m(table.voxelSize()), x_options(options) {
       const std::size_t pairs = source.size * static_cast<std::size_t>(options.neighbour_voxels);
-      x_input.points = on.x_points.upload(on.x_machine, source);
-      x_input.covariances = on.x_covariances.upload(on.x_machine, covariances);
+      const CovariancesView& C = covariances;
+      x_input.points = on.upload(source);
+      x_input.covariances = covarianceRows(
+          on.x_covariances.upload(on.x_machine, {C.xx, C.xy, C.xz, C.yy, C.yz, C.zz}, C.size), C.size);
       x_input.map = mirror.view();
       x_input.fresh = on.x_pairs[0].room(pairs);
       x_spare = on.x_pairs[1].room(pairs);
@@ -192,7 +147,8 @@ class DeviceBackend : public BackendBase {
       machine.launch("vgicpPass", {x_blocks}, kPassThreads, vgicpPass, x_input, x_on.x_partials.data());
       machine.launch("addPartials", {1}, simt::kWarp, addPartials, x_on.x_partials.data(), x_blocks,
                      x_on.x_sums.data());
-      x_on.fetch(kSums, x_on.x_sums);
+      x_on.x_sums.download(machine, kSums);
+      machine.wait();
       std::copy(x_on.x_sums.host(), x_on.x_sums.host() + kSums, pass.sums.begin());
       return pass;
     }
@@ -211,30 +167,142 @@ class DeviceBackend : public BackendBase {
     std::uint32_t x_blocks = 0;
   };
 
-  /** Numbers the runs of the first n sorted keys; returns how many there are. */
-  std::uint32_t numberedRuns(std::uint32_t n) {
+  PointsView upload(const PointsView& p) {
+    return pointRows(x_points.upload(x_machine, {p.x, p.y, p.z}, p.size), p.size);
+  }
+
+  /** The scan in x_moved, NaN where a point is dropped; x_sort.heads says which are kept. */
+  PointsView moved(const DeskewJob& job) {
+    const auto n = static_cast<std::uint32_t>(job.scan.size);
+    const PointsOut to = pointRows(x_moved.room(kPointRows * n), n);
+    if (n == 0) return to.view(0);
+    DeskewJob here = job;
+    here.scan = upload(job.scan);
+    here.steps = x_steps.upload(x_machine, {job.steps}, job.step_count);
+    if (job.time_s != nullptr) here.time_s = x_times.upload(x_machine, {job.time_s}, n);
+    x_machine.launch("deskewPoints", {blocksFor(n, kDeskewThreads)}, kDeskewThreads, deskewPoints, here, to,
+                     x_sort.heads.room(n));
+    return to.view(n);
+  }
+
+  /** Of what moved() left behind. */
+  Deskewed compacted(const PointsView& scan) {
+    const auto n = static_cast<std::uint32_t>(scan.size);
+    if (n == 0) return {};
+    x_machine.numberRuns(x_sort, n);
+    const std::uint32_t kept = lastNumber(n);
+    const PointsOut to = pointRows(x_kept.room(kPointRows * kept), kept);
+    x_machine.launch("compact", {blocksFor(n, kDeskewThreads)}, kDeskewThreads, compact, scan,
+                     x_sort.heads.data(), x_sort.numbers.data(),
+                     DeskewedOut{to.x, to.y, to.z, x_sort.order.room(kept)});
+    x_sort.order.download(x_machine, kept);
+    Points points = fetched(x_kept, kept);
+    return {std::move(points), rowOf(x_sort.order.host(), kept)};
+  }
+
+  /** One point a voxel, here and in x_thinned. \param p  on the device */
+  Points thinned(const PointsView& p, double voxel_size_m, std::size_t& dropped) {
+    const auto n = static_cast<std::uint32_t>(p.size);
+    const VoxelBox box = boxOf(p, voxel_size_m);
+    dropped = n - box.kept;
+    if (box.kept == 0) return {};
+    const KeyLayout layout = KeyLayout::of(box.low, box.high);
+    x_machine.launch("voxelKeys", {blocksFor(n, kRunThreads)}, kRunThreads, voxelKeys, p, layout,
+                     voxel_size_m, x_sort.keys.room(n), x_sort.order.room(n));
+    x_machine.sortPairs(x_sort, n, layout.bits + 1);  // one bit more: dropped points come last
+    numberRuns(box.kept);
+    x_machine.launch("listRuns", {blocksFor(box.kept, kRunThreads)}, kRunThreads, listRuns,
+                     x_sort.heads.data(), x_sort.numbers.data(), box.kept, x_first.room(box.kept + 1));
+    const std::uint32_t voxels = lastNumber(box.kept);
+    x_machine.launch("centroids", {blocksFor(std::size_t{simt::kWarp} * voxels, kRunThreads)}, kRunThreads,
+                     centroids, p, x_sort.order_sorted.data(), x_first.data(), voxels,
+                     pointRows(x_thinned.room(kPointRows * voxels), voxels));
+    return fetched(x_thinned, voxels);
+  }
+
+  /** \param p  on the device, at least one point \param grid  over them */
+  Covariances covariancesOf(const PointsView& p, const NeighbourGrid& grid,
+                            const CovarianceOptions& options) {
+    const auto n = static_cast<std::uint32_t>(p.size);
+    x_machine.launch("cellKeys", {blocksFor(n, kRunThreads)}, kRunThreads, cellKeys, p, grid,
+                     x_sort.keys.room(n), x_sort.order.room(n));
+    x_machine.sortPairs(x_sort, n, grid.layout.bits);
+    numberRuns(n);
+    const std::uint32_t cells = lastNumber(n);
+    const PointsOut sorted = pointRows(x_sorted.room(kPointRows * n), n);
+    x_machine.launch("listCells", {blocksFor(n, kRunThreads)}, kRunThreads, listCells, p,
+                     x_sort.keys_sorted.data(), x_sort.order_sorted.data(), x_sort.numbers.data(),
+                     x_cell_keys.room(cells), x_first.room(cells), sorted);
+    const std::size_t rows = static_cast<std::size_t>(cells) * kRowsAround;
+    x_machine.launch("findRuns", {blocksFor(rows, kRunThreads)}, kRunThreads, findRuns, grid,
+                     x_cell_keys.data(), x_first.data(), cells, n, x_runs.room(rows));
+    const CovariancesOut out =
+        covarianceRows(x_covariances.room(kCovarianceRows * n), n, x_neighbours.room(n));
+    withWeight<float>(options, [&](const auto& weightOf) {
+      x_machine.launch("covarianceOfPoints", {blocksFor(n, kCovarianceThreads)}, kCovarianceThreads,
+                       covarianceOfPoints<std::decay_t<decltype(weightOf)>>, sorted.view(n),
+                       x_sort.order_sorted.data(), x_sort.numbers.data(), x_runs.data(),
+                       CovarianceSetup::of(options), weightOf, out);
+    });
+    x_covariances.download(x_machine, kCovarianceRows * n);
+    x_neighbours.download(x_machine, n);
+    x_machine.wait();
+    const float* C = x_covariances.host();
+    return {rowOf(C, n, 0),
+            rowOf(C, n, 1),
+            rowOf(C, n, 2),
+            rowOf(C, n, 3),
+            rowOf(C, n, 4),
+            rowOf(C, n, 5),
+            rowOf(x_neighbours.host(), n)};
+  }
+
+  Points fetched(Array<float>& points, std::size_t n) {
+    points.download(x_machine, kPointRows * n);
+    x_machine.wait();
+    const float* p = points.host();
+    return {rowOf(p, n, 0), rowOf(p, n, 1), rowOf(p, n, 2)};
+  }
+
+  VoxelBox boxOf(const PointsView& p, double voxel_size_m) {
+    const std::uint32_t blocks = std::min(kBoxBlocks, blocksFor(p.size, kRunThreads));
+    const std::size_t warps = std::size_t{blocks} * (kRunThreads / simt::kWarp);
+    VoxelBox all;
+    if (blocks == 0) return all;
+    x_machine.launch("voxelBoxes", {blocks}, kRunThreads, voxelBoxes, p, voxel_size_m, x_boxes.room(warps));
+    x_boxes.download(x_machine, warps);
+    x_machine.wait();
+    for (std::size_t w = 0; w < warps; ++w) all.add(x_boxes.host()[w]);
+    return all;
+  }
+
+  /** Of the first n sorted keys. */
+  void numberRuns(std::uint32_t n) {
     x_machine.launch("markHeads", {blocksFor(n, kRunThreads)}, kRunThreads, markHeads,
                      x_sort.keys_sorted.data(), n, x_sort.heads.room(n));
     x_machine.numberRuns(x_sort, n);
+  }
+
+  /** How many heads there are. */
+  std::uint32_t lastNumber(std::uint32_t n) {
     x_sort.numbers.download(x_machine, 1, n - 1);
     x_machine.wait();
     return *x_sort.numbers.host();
   }
 
-  /** The first n elements of each array are then at its host(). */
-  template <class... Arrays>
-  void fetch(std::size_t n, Arrays&... arrays) {
-    (arrays.download(x_machine, n), ...);
-    x_machine.wait();
-  }
-
   Machine x_machine;
-  PointBuffers x_points, x_sorted;
-  CovarianceBuffers x_covariances;
+  Array<float> x_points, x_times;  ///< the caller's
+  Array<float> x_moved, x_kept;    ///< the scan at the end of its sweep; what is kept of it
+  Array<float> x_thinned;          ///< one point a voxel
+  Array<float> x_sorted;           ///< by cell
+  Array<float> x_covariances;
+  Array<SweepStep> x_steps;
   SortBuffers<Machine> x_sort;
+  Array<VoxelBox> x_boxes;
   Array<std::uint64_t> x_cell_keys;
-  Array<std::uint32_t> x_cell_first;
+  Array<std::uint32_t> x_first;  ///< of each run
   Array<Run> x_runs;
+  Array<std::int32_t> x_neighbours;
   std::array<Array<std::int32_t>, 2> x_pairs;
   Array<double> x_partials, x_sums;
   std::optional<Passes> x_passes;

@@ -32,7 +32,10 @@ RACELOC_DEVICE std::uint32_t threads() { return blockDim.x; }
 RACELOC_DEVICE Grid block() { return {blockIdx.x, blockIdx.y}; }
 RACELOC_DEVICE Grid blocks() { return {gridDim.x, gridDim.y}; }
 RACELOC_DEVICE void barrier() { __syncthreads(); }
-RACELOC_DEVICE float fromLaneXor(float value, int mask) { return __shfl_xor_sync(0xFFFFFFFFU, value, mask); }
+template <class T>
+RACELOC_DEVICE T fromLaneXor(T value, int mask) {
+  return __shfl_xor_sync(0xFFFFFFFFU, value, mask);
+}
 
 /** What this thread wrote before is seen by whoever sees what it writes after. */
 RACELOC_DEVICE void fence() { __threadfence(); }

@@ -5,11 +5,37 @@
 
 #include "core/neighbour_grid.hpp"
 #include "core/voxel_grid.hpp"
+#include "kernels/rows.hpp"
 #include "kernels/simt.hpp"
 
 namespace raceloc::gpu {
 
 inline constexpr int kRunThreads = 256;
+
+/** Of a warp, given to all its lanes. */
+RACELOC_DEVICE VoxelBox overWarp(VoxelBox box) {
+  const auto from = [](std::int32_t value, int mask) { return simt::fromLaneXor(value, mask); };
+  for (int mask = simt::kWarp / 2; mask > 0; mask /= 2)
+    box.add({{from(box.low.x, mask), from(box.low.y, mask), from(box.low.z, mask)},
+             {from(box.high.x, mask), from(box.high.y, mask), from(box.high.z, mask)},
+             simt::fromLaneXor(box.kept, mask)});
+  return box;
+}
+
+/** Blocks of voxelBoxes at most: the host adds the boxes of their warps. */
+inline constexpr std::uint32_t kBoxBlocks = 32;
+
+/** The box of each warp's points goes to boxes[warp of the grid]. */
+RACELOC_KERNEL(kRunThreads)
+voxelBoxes(PointsView p, double voxel_size_m, VoxelBox* boxes) {
+  const std::uint32_t first = simt::globalThread(), threads = simt::blocks().x * simt::threads();
+  VoxelBox box;
+  Cell c{};
+  for (std::size_t i = first; i < p.size; i += threads)
+    if (cellOf(p.x[i], p.y[i], p.z[i], voxel_size_m, c)) box.add({c, c, 1});
+  box = overWarp(box);
+  if (simt::lane() == 0) boxes[first / simt::kWarp] = box;
+}
 
 RACELOC_KERNEL(kRunThreads)
 voxelKeys(PointsView p, KeyLayout layout, double voxel_size_m, std::uint64_t* keys, std::uint32_t* order) {
@@ -35,33 +61,53 @@ markHeads(const std::uint64_t* keys, std::uint32_t n, std::uint32_t* heads) {
   heads[k] = k == 0 || keys[k] != keys[k - 1] ? 1 : 0;
 }
 
-/** One thread a run, at its head: the centroid, summed in order. */
+/** first[r] is where run r begins, and behind the last one `n`. */
 RACELOC_KERNEL(kRunThreads)
-centroids(PointsView p, const std::uint64_t* keys, const std::uint32_t* order, const std::uint32_t* numbers,
-          std::uint32_t kept, float* x, float* y, float* z) {
-  const std::uint32_t first = simt::globalThread();
-  if (first >= kept || (first > 0 && keys[first] == keys[first - 1])) return;
-  std::uint32_t last = first + 1;
-  while (last < kept && keys[last] == keys[first]) ++last;
+listRuns(const std::uint32_t* heads, const std::uint32_t* numbers, std::uint32_t n, std::uint32_t* first) {
+  const std::uint32_t k = simt::globalThread();
+  if (k >= n) return;
+  if (heads[k] != 0) first[numbers[k] - 1] = k;
+  if (k == n - 1) first[numbers[k]] = n;
+}
+
+/** One warp a run: each lane adds every 32nd point, then the lanes are added as a tree. */
+RACELOC_KERNEL(kRunThreads)
+centroids(PointsView p, const std::uint32_t* order, const std::uint32_t* first, std::uint32_t runs,
+          PointsOut out) {
+  const std::uint32_t run = simt::globalThread() / simt::kWarp;
+  if (run >= runs) return;
+  const std::uint32_t begin = first[run], end = first[run + 1];
   CentroidSum sum;
-  for (std::uint32_t k = first; k < last; ++k) sum.add(p, order[k]);
-  const Vec3<float> mean = sum.centroid();
-  const std::uint32_t out = numbers[first] - 1;
-  x[out] = mean.x;
-  y[out] = mean.y;
-  z[out] = mean.z;
+  std::uint32_t k = begin + simt::lane();
+  constexpr std::uint32_t at_once =
+      4;  // so that their loads overlap: voxels beside the sensor hold thousands
+  for (; k + (at_once - 1) * simt::kWarp < end; k += at_once * simt::kWarp) {
+    RACELOC_UNROLL
+    for (std::uint32_t j = 0; j < at_once; ++j) sum.add(p, order[k + j * simt::kWarp]);
+  }
+  for (; k < end; k += simt::kWarp) sum.add(p, order[k]);
+  for (int mask = simt::kWarp / 2; mask > 0; mask /= 2) {
+    sum.x += simt::fromLaneXor(sum.x, mask);
+    sum.y += simt::fromLaneXor(sum.y, mask);
+    sum.z += simt::fromLaneXor(sum.z, mask);
+  }
+  if (simt::lane() != 0) return;
+  const Vec3<float> mean = sum.centroid(end - begin);
+  out.x[run] = mean.x;
+  out.y[run] = mean.y;
+  out.z[run] = mean.z;
 }
 
 /** Compact list of cells: key and first point of each; the points themselves in cell order. */
 RACELOC_KERNEL(kRunThreads)
 listCells(PointsView p, const std::uint64_t* keys, const std::uint32_t* order, const std::uint32_t* numbers,
-          std::uint64_t* cell_keys, std::uint32_t* cell_first, float* x, float* y, float* z) {
+          std::uint64_t* cell_keys, std::uint32_t* cell_first, PointsOut sorted) {
   const std::uint32_t k = simt::globalThread();
   if (k >= p.size) return;
   const std::uint32_t i = order[k];
-  x[k] = p.x[i];
-  y[k] = p.y[i];
-  z[k] = p.z[i];
+  sorted.x[k] = p.x[i];
+  sorted.y[k] = p.y[i];
+  sorted.z[k] = p.z[i];
   if (k == 0 || keys[k] != keys[k - 1]) {
     cell_keys[numbers[k] - 1] = keys[k];
     cell_first[numbers[k] - 1] = k;

@@ -1,5 +1,6 @@
 /** \file
  * One input, one answer: whatever the instruction set and the number of threads. */
+#include "api/deskew_job.hpp"
 #include "api/nearest_storage.hpp"
 #include "api/voxel_table.hpp"
 #include "core/se3_lm.hpp"
@@ -49,6 +50,20 @@ void forAllBackends(const Check& check) {
       SCOPED_TRACE(std::string(set->instructions) + ", threads: " + std::to_string(threads));
       check(*reference, *makeCpuBackend(threads, *set));
     }
+}
+
+TEST(CpuLoops, GiveTheSameDeskewedScan) {
+  const MovingScan m = moving(withBadPoints(scan(9)));
+  const std::vector<SweepStep> steps = sweepSteps(m.sweep(), true);
+  const DeskewJob job = deskewJob(m.scan.view(), m.time_s.data(), m.sweep(), steps, {});
+  forAllBackends([&](BackendBase& reference, BackendBase& other) {
+    const Deskewed here = reference.deskew(job), there = other.deskew(job);
+    EXPECT_GT(here.points.size(), 10000U);
+    EXPECT_EQ(here.indices, there.indices);
+    EXPECT_EQ(here.points.x, there.points.x);
+    EXPECT_EQ(here.points.y, there.points.y);
+    EXPECT_EQ(here.points.z, there.points.z);
+  });
 }
 
 TEST(CpuLoops, GiveTheSameVoxelGrid) {

@@ -3,6 +3,7 @@
  * order the threads and blocks run in. */
 #include <gtest/gtest.h>
 
+#include "api/deskew_job.hpp"
 #include "api/voxel_table.hpp"
 #include "core/se3_lm.hpp"
 #include "tests/emu/emulated_machine.hpp"
@@ -110,8 +111,34 @@ std::array<const std::vector<float>*, 6> entries(const Covariances& C) {
   return {&C.xx, &C.xy, &C.xz, &C.yy, &C.yz, &C.zz};
 }
 
+TEST(EmulatedBackend, GivesTheDeskewedScanOfTheCpu) {
+  Points p = hall(5, 3000);
+  push(p, std::nan(""), 0, 0);
+  push(p, 0, HUGE_VAL, 0);
+  MovingScan m = moving(p);
+  m.time_s[7] = std::nanf("");
+  const auto cpu = makeCpuBackend(1);
+  for (const bool timed : {true, false}) {
+    const std::vector<SweepStep> steps = sweepSteps(m.sweep(), timed);
+    const DeskewJob job =
+        deskewJob(m.scan.view(), timed ? m.time_s.data() : nullptr, m.sweep(), steps, {3, 12, 4, 4, 4});
+    const Deskewed expected = cpu->deskew(job);
+    EXPECT_GT(expected.points.size(), 1000U);
+    for (const int seed : kSeeds) {
+      const Deskewed here = Emulated(seed).deskew(job);
+      expectSame(here.points, expected.points);
+      EXPECT_EQ(here.indices, expected.indices);
+    }
+  }
+  const std::vector<SweepStep> steps = sweepSteps(m.sweep(), false);
+  Emulated emulated(1);
+  const Crop nowhere{0, 1e-3F, 0, 0, 0};
+  EXPECT_EQ(emulated.deskew(deskewJob(m.scan.view(), nullptr, m.sweep(), steps, nowhere)).points.size(), 0U);
+  EXPECT_EQ(emulated.deskew(deskewJob({}, nullptr, m.sweep(), steps, {})).points.size(), 0U);
+}
+
 TEST(EmulatedBackend, GivesTheVoxelGridOfTheCpu) {
-  Points p = hall(1, 3000);
+  Points p = hall(1, 800);
   push(p, std::nan(""), 0, 0);
   push(p, 0, HUGE_VAL, 0);
   push(p, 0, 0, -1e9);
@@ -124,8 +151,17 @@ TEST(EmulatedBackend, GivesTheVoxelGridOfTheCpu) {
       expectSame(emulated.voxelGrid(p.view(), size_m, dropped_there), here);
       EXPECT_EQ(dropped_there, dropped);
     }
-    std::size_t dropped = 0;
+    std::size_t dropped = 9;
     EXPECT_EQ(emulated.voxelGrid({}, 1, dropped).size(), 0U);
+    EXPECT_EQ(dropped, 0U);
+    Points nothing;
+    push(nothing, std::nan(""), 0, 0);
+    EXPECT_EQ(emulated.voxelGrid(nothing.view(), 1, dropped).size(), 0U);
+    EXPECT_EQ(dropped, 1U);
+    if (seed == kSeeds.back()) continue;
+    const Points uneven =
+        unevenVoxels(1);  // runs across warps and blocks, and more points than kBoxBlocks have threads
+    expectSame(emulated.voxelGrid(uneven.view(), 1, dropped), cpu->voxelGrid(uneven.view(), 1, dropped));
   }
 }
 
@@ -155,6 +191,31 @@ TEST(EmulatedBackend, GivesTheCovariancesOfTheCpu) {
       }
     }
   }
+}
+
+TEST(EmulatedBackend, PreparesAsInSteps) {
+  MovingScan m = moving(hall(6, 1500));
+  m.scan.y[9] = HUGE_VALF;
+  const std::vector<SweepStep> steps = sweepSteps(m.sweep(), true);
+  const DeskewJob job = deskewJob(m.scan.view(), m.time_s.data(), m.sweep(), steps, {3, 12, 4, 4, 4});
+  Emulated emulated(1), other(2);
+  std::size_t dropped = 0;
+  const Deskewed moved_scan = emulated.deskew(job);
+  const Points points = emulated.voxelGrid(moved_scan.points.view(), 0.5, dropped);
+  const Covariances C = emulated.covariances(points.view(), {});
+  for (Emulated* device : {&emulated, &other}) {
+    Deskewed full;
+    for (Deskewed* wanted : {&full, static_cast<Deskewed*>(nullptr)}) {
+      const PreparedScan out = device->prepare(job, 0.5, {}, wanted);
+      expectSame(out.points, points);
+      for (std::size_t k = 0; k < 6; ++k) EXPECT_EQ(*entries(out.covariances)[k], *entries(C)[k]);
+      EXPECT_EQ(out.covariances.neighbours, C.neighbours);
+    }
+    expectSame(full.points, moved_scan.points);
+    EXPECT_EQ(full.indices, moved_scan.indices);
+  }
+  const DeskewJob empty = deskewJob({}, nullptr, m.sweep(), steps, {});
+  EXPECT_EQ(emulated.prepare(empty, 0.5, {}, nullptr).points.size(), 0U);
 }
 
 class EmulatedMatch : public ::testing::Test {

@@ -2,6 +2,7 @@
  * Clouds for tests and benchmarks: drawn from a seed, or read from the real scan pair. */
 #pragma once
 
+#include <algorithm>
 #include <array>
 #include <cmath>
 #include <fstream>
@@ -11,6 +12,7 @@
 #include <string>
 
 #include "core/se3_lm.hpp"
+#include "raceloc/gpu/deskew.h"
 #include "raceloc/gpu/types.h"
 
 namespace raceloc::gpu::test {
@@ -26,6 +28,23 @@ inline Points randomCloud(unsigned seed, int n, double size_m) {
   std::uniform_real_distribution<double> u(-size_m, size_m);
   Points p;
   for (int i = 0; i < n; ++i) push(p, u(engine), u(engine), u(engine));
+  return p;
+}
+
+/** Ten voxels of 1 m with as many points as a warp takes at once, one less, one more, and thousands, in any order. */
+inline Points unevenVoxels(unsigned seed) {
+  std::mt19937 engine(seed);
+  std::uniform_real_distribution<double> inside(0.01, 0.99);
+  std::vector<std::array<double, 3>> rows;
+  double voxel = -4;
+  for (const int n : {1, 2, 31, 32, 33, 127, 128, 129, 257, 8000}) {
+    for (int i = 0; i < n; ++i)
+      rows.push_back({voxel + inside(engine), 3 + inside(engine), -2 + inside(engine)});
+    voxel += 1;
+  }
+  std::shuffle(rows.begin(), rows.end(), engine);
+  Points p;
+  for (const auto& q : rows) push(p, q[0], q[1], q[2]);
   return p;
 }
 
@@ -145,6 +164,38 @@ inline double angle_rad(const Transform& A, const Transform& B) {
   const Transform D = inverse(A) * B;
   const double sine = 0.5 * std::hypot(D.R[7] - D.R[5], D.R[2] - D.R[6], D.R[3] - D.R[1]);
   return std::atan2(sine, 0.5 * (D.R[0] + D.R[4] + D.R[8] - 1));
+}
+
+/** A scan with the time of each point and the poses of the sensor. */
+struct MovingScan {
+  Points scan;
+  std::vector<float> time_s;
+  std::vector<Affine> T_end_lidar;
+  float sweep_s = 0.1F;
+  [[nodiscard]] SweepView sweep() const { return {T_end_lidar.data(), T_end_lidar.size(), sweep_s}; }
+};
+
+/** Sees `scan` in a sweep of a car at 70 m/s in a bend, from bottom to top and a turn a row, with a sensor 1.5 m above
+ * the ground. */
+inline MovingScan moving(Points scan) {
+  MovingScan out{std::move(scan), {}, {}};
+  constexpr int steps = 32;
+  for (int k = 0; k <= steps; ++k) {
+    const double back = 1 - static_cast<double>(k) / steps;  // 1 at the begin
+    const Transform T = pose({0.01 * back, -0.02 * back, -0.1 * back}, {-7 * back, 0.3 * back * back, 0}) *
+                        pose({0, 0.03, 0.02}, {1, 0, 1.5});
+    Affine entries{};
+    for (std::size_t r = 0; r < 3; ++r) {
+      for (std::size_t c = 0; c < 3; ++c) entries[4 * r + c] = static_cast<float>(T.R[3 * r + c]);
+      entries[4 * r + 3] = static_cast<float>(T.t[r]);
+    }
+    out.T_end_lidar.push_back(entries);
+  }
+  for (std::size_t i = 0; i < out.scan.size(); ++i) {
+    const double turn = std::atan2(out.scan.y[i], out.scan.x[i]) / 6.283185307179586 + 0.5;
+    out.time_s.push_back(out.sweep_s * static_cast<float>(turn));
+  }
+  return out;
 }
 
 struct ScanPair {

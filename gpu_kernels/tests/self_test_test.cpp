@@ -15,12 +15,18 @@ namespace {
 /** The CPU's backend with a defect in what it gives back. */
 class Faulty : public BackendBase {
  public:
+  std::function<void(Deskewed&)> in_deskewed = [](Deskewed&) {};
   std::function<void(Points&)> in_grid = [](Points&) {};
   std::function<void(Covariances&)> in_covariances = [](Covariances&) {};
   std::function<void(Pass&)> in_pass = [](Pass&) {};
 
   [[nodiscard]] Backend kind() const override { return Backend::cuda; }
   [[nodiscard]] std::string description() const override { return "faulty"; }
+  Deskewed deskew(const DeskewJob& job) override {
+    Deskewed out = x_cpu->deskew(job);
+    in_deskewed(out);
+    return out;
+  }
   Points voxelGrid(const PointsView& points, double voxel_size_m, std::size_t& dropped) override {
     Points out = x_cpu->voxelGrid(points, voxel_size_m, dropped);
     in_grid(out);
@@ -30,6 +36,10 @@ class Faulty : public BackendBase {
     Covariances out = x_cpu->covariances(points, options);
     in_covariances(out);
     return out;
+  }
+  PreparedScan prepare(const DeskewJob& job, double voxel_size_m, const CovarianceOptions& options,
+                       Deskewed* full) override {
+    return x_cpu->prepare(job, voxel_size_m, options, full);
   }
   std::unique_ptr<MapMirror> mirror() override { return nullptr; }
   PassRunner& passes(const PointsView& source, const CovariancesView& covariances, const VoxelTable& table,
@@ -65,6 +75,16 @@ std::string verdictOn(const std::function<void(Faulty&)>& spoil) {
   Faulty faulty;
   spoil(faulty);
   return selfTest(faulty);
+}
+
+TEST(SelfTest, SeesAWrongDeskewedScan) {
+  EXPECT_NE(
+      verdictOn([](Faulty& f) { f.in_deskewed = [](Deskewed& d) { ++d.indices[5]; }; }).find("deskewed"),
+      std::string::npos);
+  EXPECT_NE(verdictOn([](Faulty& f) {
+              f.in_deskewed = [](Deskewed& d) { d.points.z[7] = std::nextafter(d.points.z[7], 9.0F); };
+            }).find("deskewed"),
+            std::string::npos);
 }
 
 TEST(SelfTest, SeesAWrongVoxelGrid) {

@@ -45,11 +45,39 @@ TEST_P(VoxelGrid, LeavesCentroidsAlone) {  // one point a voxel already: the sam
 
 TEST_P(VoxelGrid, GivesTheBitsOfTheCpu) {
   Context cpu(Backend::cpu);
-  const Points p = randomCloud(3, 20000, 30), here = voxelGrid(context(), p.view(), 0.7F),
+  const Points p = randomCloud(3, 100'000, 30), here = voxelGrid(context(), p.view(), 0.7F),
                there = voxelGrid(cpu, p.view(), 0.7F);
   EXPECT_EQ(here.x, there.x);
   EXPECT_EQ(here.y, there.y);
   EXPECT_EQ(here.z, there.z);
+}
+
+TEST_P(VoxelGrid, TakesVoxelsOfFewAndOfThousands) {
+  Context cpu(Backend::cpu);
+  const Points p = unevenVoxels(1), here = voxelGrid(context(), p.view(), 1),
+               there = voxelGrid(cpu, p.view(), 1);
+  ASSERT_EQ(here.size(), 10U);
+  EXPECT_EQ(here.x, there.x);
+  EXPECT_EQ(here.y, there.y);
+  EXPECT_EQ(here.z, there.z);
+}
+
+TEST_P(VoxelGrid, IsExactToTheLastPlaceWhereSumsAreNot) {
+  Points p;
+  std::mt19937 engine(2);
+  std::uniform_real_distribution<double> exponent(-30, 0);  // from 1 nm: some get lost beside others
+  for (int i = 0; i < 5000; ++i) {
+    const double x = std::exp2(exponent(engine));
+    push(p, x, 0.5 * x, 0.25 * x);
+  }
+  const Points once = voxelGrid(context(), p.view(), 1), again = voxelGrid(context(), p.view(), 1);
+  ASSERT_EQ(once.size(), 1U);
+  long double sum = 0;
+  for (const float x : p.x) sum += static_cast<long double>(x);
+  EXPECT_FLOAT_EQ(once.x[0], static_cast<float>(sum / 5000));
+  EXPECT_EQ(once.x, again.x);
+  EXPECT_EQ(once.y, again.y);
+  EXPECT_EQ(once.z, again.z);
 }
 
 TEST_P(VoxelGrid, DropsAndCountsWhatHasNoVoxel) {

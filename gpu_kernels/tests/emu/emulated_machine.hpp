@@ -5,6 +5,7 @@
 
 #include <algorithm>
 #include <cstring>
+#include <initializer_list>
 #include <memory>
 #include <numeric>
 #include <string>
@@ -29,9 +30,10 @@ class Array {
     return x_data.get();
   }
   template <class Machine>
-  const T* upload(Machine&, const T* from, std::size_t n) {
-    T* data = room(n);
-    std::copy(from, from + n, data);
+  const T* upload(Machine&, std::initializer_list<const T*> rows, std::size_t n) {
+    T* data = room(rows.size() * n);
+    T* to = data;
+    for (const T* row : rows) to = std::copy(row, row + n, to);
     return data;
   }
   template <class Machine>

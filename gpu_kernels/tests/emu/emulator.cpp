@@ -35,7 +35,7 @@ struct Fibre {
   Coordinates coordinates{};
   State state = State::ready;
   Place place{"", 0};
-  float value = 0;  ///< brought to a shuffle, then taken from it
+  double value = 0;  ///< brought to a shuffle, then taken from it
   int mask = 0;
 };
 
@@ -201,7 +201,7 @@ void Launch::settle(Block& block, std::uint32_t warp) {
     return there > 0;
   };
   if (together(first, last, State::at_shuffle)) {
-    std::vector<float> brought;
+    std::vector<double> brought;
     for (std::size_t i = first; i < last; ++i) brought.push_back(block.fibres[i]->value);
     for (std::size_t i = first; i < last; ++i) {
       const std::size_t from = (i - first) ^ static_cast<std::size_t>(block.fibres[i]->mask);
@@ -252,7 +252,7 @@ void waitForBlock(Place place) {
   t_launch->yield();
 }
 
-float exchange(float value, int mask, Place place) {
+double exchange(double value, int mask, Place place) {
   Fibre& me = t_launch->current();
   me.place = place;
   me.value = value;

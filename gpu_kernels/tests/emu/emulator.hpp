@@ -46,7 +46,7 @@ struct Coordinates {
 };
 [[nodiscard]] const Coordinates& coordinates();
 void waitForBlock(Place place);
-[[nodiscard]] float exchange(float value, int mask, Place place);
+[[nodiscard]] double exchange(double value, int mask, Place place);
 void giveWay();
 [[nodiscard]] void* sharedMemory(const void* tag, std::size_t bytes);
 
@@ -61,9 +61,10 @@ inline Grid blocks() { return emu::coordinates().blocks; }
 inline void barrier(const char* file = __builtin_FILE(), int line = __builtin_LINE()) {
   emu::waitForBlock({file, line});
 }
-inline float fromLaneXor(float value, int mask, const char* file = __builtin_FILE(),
-                         int line = __builtin_LINE()) {
-  return emu::exchange(value, mask, {file, line});
+/** Of a number that a double holds. */
+template <class T>
+T fromLaneXor(T value, int mask, const char* file = __builtin_FILE(), int line = __builtin_LINE()) {
+  return static_cast<T>(emu::exchange(static_cast<double>(value), mask, {file, line}));
 }
 inline void fence() { emu::giveWay(); }
 inline std::uint32_t increment(std::uint32_t& counter) {

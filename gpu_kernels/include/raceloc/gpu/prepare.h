@@ -1,0 +1,25 @@
+/** \file
+ * A raw scan made ready for a match, in one call. */
+#pragma once
+
+#include "raceloc/gpu/context.h"
+#include "raceloc/gpu/covariance.h"
+#include "raceloc/gpu/deskew.h"
+#include "raceloc/gpu/types.h"
+
+namespace raceloc::gpu {
+
+/** Points in the frame of the end of the sweep, one a voxel, with their covariances. */
+struct PreparedScan {
+  Points points;
+  Covariances covariances;
+};
+
+/** The same bits as deskew(), voxelGrid() and covariances() one after another, but what is between them stays on the
+ * device. \param full  may be null; else it takes what deskew() gives, at the price of its way back
+ * \throws std::invalid_argument as they do */
+[[nodiscard]] PreparedScan prepare(Context& context, const PointsView& scan_lidar, const float* time_s,
+                                   const SweepView& sweep, const Crop& crop, float voxel_size_m,
+                                   const CovarianceOptions& options, Deskewed* full = nullptr);
+
+}  // namespace raceloc::gpu
