@@ -12,9 +12,15 @@ constexpr double kCell_s = 0.005;
 /** Sigmas of rates are those of samples at 100 Hz: white noise of this density per variance. */
 constexpr double kSample_s = 0.01;
 
-/** A gyro that gives the same three numbers for so many samples and so long is frozen, if the car moves. */
+/** A gyro that gives the same three numbers for so many samples and so long is frozen, if the car moves; one that gives the
+ * same number on an axis, and more than a car turns for long, is saturated. */
 constexpr int kFrozenSamples = 10;
-constexpr double kFrozen_s = 0.1, kMoving_mps = 1;
+constexpr double kFrozen_s = 0.1, kMoving_mps = 1, kSaturable_rps = 1;
+
+bool isStuck(const Eigen::Vector3d& now_rps, const Eigen::Vector3d& before_rps) {
+  const auto same = now_rps.array() == before_rps.array();
+  return same.all() || (same && now_rps.array().abs() > kSaturable_rps).any();
+}
 
 /** What an observed speed misses when it goes on. */
 constexpr double kHardestBraking_mps2 = 30;
@@ -77,14 +83,14 @@ void MotionHistory::add(const MotionSample& sample) {
 void MotionHistory::add(const ImuSample& sample) {
   if (!sample.gyro_body_rps.allFinite() || !sample.specific_force_body_mps2.allFinite()) return;
   if (x_last_imu_s && sample.stamp_s <= *x_last_imu_s) return;
-  const bool same = x_last_imu_s && sample.gyro_body_rps == x_last_gyro_rps;
+  const bool same = x_last_imu_s && isStuck(sample.gyro_body_rps, x_last_gyro_rps);
   x_last_imu_s = sample.stamp_s;
   x_imu_label = sample.label;
   if (!same) {
     x_same_gyro = 0;
     x_same_gyro_since_s = sample.stamp_s;
-    x_last_gyro_rps = sample.gyro_body_rps;
   }
+  x_last_gyro_rps = sample.gyro_body_rps;
   ++x_same_gyro;
   const auto speed = x_speed.at(sample.stamp_s);
   x_gyro_frozen = x_same_gyro > kFrozenSamples && sample.stamp_s - *x_same_gyro_since_s > kFrozen_s &&
@@ -104,7 +110,7 @@ bool MotionHistory::hasWheels(double stamp_s) const {
 
 std::vector<std::string> MotionHistory::faults() const {
   std::vector<std::string> faults;
-  if (x_gyro_frozen) faults.push_back(x_imu_label + ": frozen");
+  if (x_gyro_frozen) faults.push_back(x_imu_label + ": gyro frozen or saturated");
   if (x_wheels_refused) faults.push_back(x_vehicle_label + ": wheel speed contradicts the car's motion");
   if (x_last_imu_s && x_last_wheels_s) {
     if (*x_last_wheels_s - *x_last_imu_s > x_options.max_gap_s) faults.push_back(x_imu_label + ": silent");

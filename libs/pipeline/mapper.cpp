@@ -180,6 +180,7 @@ BuiltMap buildMap(const std::string& log_path, const MapperOptions& options, con
   requireOneLidar(summary, log.lidar_labels);
   if (log.gps_labels != "*") requireDevice(summary, "gps", log.gps_labels);
   if (log.vehicle_labels != "*") requireDevice(summary, "vehicle", log.vehicle_labels);
+  requireOneClock(summary, log);
 
   const DeviceOptions& device = options.matching.device;
   gpu::Context context(device.device, 0, device.threads);

@@ -116,6 +116,7 @@ ReplayReport replay(const std::string& log_path, const std::string& map_path, co
   requireDevice(summary, "lidar", log.lidar_labels);
   requireDevice(summary, "gps", log.gps_labels);
   requireDevice(summary, "vehicle", log.vehicle_labels);
+  requireOneClock(summary, log);
 
   requireSomethingToDisable(summary, options.live.disable_labels);
 
@@ -181,6 +182,7 @@ OdometryReport replayOdometry(const std::string& log_path, const ReplayOptions& 
   const MatchingOptions& matching = options.localizer.matching;
   const LogSummary summary = summarizeRawlog(log_path);
   requireDevice(summary, "lidar", matching.log.lidar_labels);
+  requireOneClock(summary, matching.log);
   requireSomethingToDisable(summary, options.live.disable_labels);
   gpu::Context context(matching.device.device, 0, matching.device.threads);
   DeviceWatch watch(context, matching.device.self_test_every_s);

@@ -14,7 +14,10 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdint>
+#include <iomanip>
 #include <limits>
+#include <map>
+#include <sstream>
 #include <stdexcept>
 #include <utility>
 
@@ -118,6 +121,36 @@ LogSummary summarizeRawlog(const std::string& path) {
   if (summary.devices.empty()) throw InputError("rawlog " + path + ": empty, it holds no observation");
   if (!summary.origin) summary.origin = first_fix;
   return summary;
+}
+
+void requireOneClock(const LogSummary& summary, const LogOptions& options) {
+  const std::map<std::string, std::string> patterns{{"lidar", options.lidar_labels},
+                                                    {"gps", options.gps_labels},
+                                                    {"ins_pose", options.gps_labels},
+                                                    {"imu", options.imu_labels},
+                                                    {"vehicle", options.vehicle_labels}};
+  const auto isUsed = [&](const DeviceSummary& device) {
+    const auto pattern = patterns.find(device.kind);
+    return pattern != patterns.end() && matchesLabel(pattern->second, device.label);
+  };
+  double first_s = std::numeric_limits<double>::infinity(), last_s = -first_s;
+  for (const auto& device : summary.devices) {
+    if (device.kind != "lidar" || !isUsed(device)) continue;
+    first_s = std::min(first_s, device.first_s);
+    last_s = std::max(last_s, device.last_s);
+  }
+  constexpr double kApart_s = 60;
+  for (const auto& device : summary.devices) {
+    const double before_s = first_s - device.last_s, after_s = device.first_s - last_s;
+    if (!isUsed(device) || std::max(before_s, after_s) < kApart_s) continue;
+    std::ostringstream line;
+    line << "rawlog " << summary.path << ": " << nameOf(device.kind) << " " << device.label << " is stamped "
+         << std::fixed << std::setprecision(1) << std::max(before_s, after_s) << " s "
+         << (before_s > 0 ? "before the first" : "after the last")
+         << " scan: its clock is not the LiDAR's; mend its stamps, or leave it out by its labels in section "
+            "[log]";
+    throw InputError(line.str());
+  }
 }
 
 void requireDevice(const LogSummary& summary, const std::string& kind, const std::string& patterns) {

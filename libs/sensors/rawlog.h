@@ -67,6 +67,11 @@ struct LogSummary {
  * match no label of this kind. */
 void requireDevice(const LogSummary& summary, const std::string& kind, const std::string& patterns);
 
+/** A device whose stamps all lie a minute or more before or after the LiDARs' has another clock (up-time since it was
+ * switched on, say): none of its samples would meet a scan, or all scans would be late.
+ * \throws InputError naming the first such device of those that `options` let through. */
+void requireOneClock(const LogSummary& summary, const LogOptions& options);
+
 /** Streams the samples of a log in order of time; equal stamps keep the order of the file.
  *
  * Samples wait until one that is `reorder_window_s` younger has been read. One that comes later than that,

@@ -4,10 +4,12 @@
 #include <mrpt/io/CFileGZInputStream.h>
 #include <mrpt/io/CFileGZOutputStream.h>
 #include <mrpt/maps/registerAllClasses.h>
+#include <mrpt/obs/CObservationIMU.h>
 #include <mrpt/obs/CObservationPointCloud.h>
 #include <mrpt/serialization/CArchive.h>
 
 #include <algorithm>
+#include <chrono>
 #include <filesystem>
 #include <fstream>
 #include <regex>
@@ -72,23 +74,43 @@ TEST_P(BadLogOrIni, LogIsTruncated) {
   }
 }
 
-TEST_P(BadLogOrIni, LogHasNoLidar) {
+/** Copies the objects of a log for which `keep`, which may change them, says so. */
+template <class Keep>
+void copyLog(const fs::path& log, const fs::path& copy, const Keep& keep) {
   mrpt::maps::registerAllClasses_mrpt_maps();
-  const auto blind = in / "blind.rawlog";
-  {
-    mrpt::io::CFileGZInputStream all(goodLog());
-    mrpt::io::CFileGZOutputStream kept(blind);
-    auto from = mrpt::serialization::archiveFrom(all);
-    auto to = mrpt::serialization::archiveFrom(kept);
-    try {
-      for (;;) {
-        const auto object = from.ReadObject();
-        if (!std::dynamic_pointer_cast<mrpt::obs::CObservationPointCloud>(object)) to << *object;
-      }
-    } catch (const mrpt::serialization::CExceptionEOF&) {
+  mrpt::io::CFileGZInputStream all(log);
+  mrpt::io::CFileGZOutputStream kept(copy);
+  auto from = mrpt::serialization::archiveFrom(all);
+  auto to = mrpt::serialization::archiveFrom(kept);
+  try {
+    for (;;) {
+      const auto object = from.ReadObject();
+      if (keep(object)) to << *object;
     }
+  } catch (const mrpt::serialization::CExceptionEOF&) {
   }
+}
+
+TEST_P(BadLogOrIni, LogHasNoLidar) {
+  const auto blind = in / "blind.rawlog";
+  copyLog(goodLog(), blind, [](const auto& object) {
+    return !std::dynamic_pointer_cast<mrpt::obs::CObservationPointCloud>(object);
+  });
   expectRefused(command(goodIni(), blind), {blind, "LiDAR"});
+}
+
+TEST_P(BadLogOrIni, ImuHasAClockOfItsOwn) {
+  for (const bool ahead : {false, true}) {
+    const auto log = in / (ahead ? "ahead.rawlog" : "uptime.rawlog");
+    copyLog(goodLog(), log, [&](const auto& object) {
+      using namespace std::chrono_literals;
+      if (const auto imu = std::dynamic_pointer_cast<mrpt::obs::CObservationIMU>(object))
+        imu->timestamp += ahead ? 24h : -24h;
+      return true;
+    });
+    expectRefused(command(goodIni(), log),
+                  {log, "imu", ahead ? "after the last scan" : "before the first scan"});
+  }
 }
 
 TEST_P(BadLogOrIni, LabelIsNotInTheLog) {

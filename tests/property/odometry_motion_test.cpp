@@ -48,11 +48,25 @@ TEST(MotionHistory, DropsAFrozenGyroAndNamesIt) {
       EXPECT_THAT(history.faults(), IsEmpty());
     }
   }
-  EXPECT_THAT(history.faults(), ElementsAre(HasSubstr("imu: frozen")));
+  EXPECT_THAT(history.faults(), ElementsAre(HasSubstr("imu: gyro frozen")));
   EXPECT_EQ(history.knownUntil_s(), 2.0);                                // nobody waits for it
   EXPECT_NEAR(history.ratesBetween(1.2, 2.0)->yaw_rate_rps, 0.3, 0.01);  // the car's own
   history.add(bend.imu(2.01, rnd));
   EXPECT_THAT(history.faults(), IsEmpty());
+}
+
+TEST(MotionHistory, DropsASaturatedGyroAndNamesIt) {
+  Random rnd(1);
+  const Cruise spin{20, 4};  // rad/s, of a gyro that ends at 2
+  MotionHistory history(plainMotion(), plainCalibration());
+  for (int i = 0; i <= 50; ++i) {
+    ImuSample imu = spin.imu(0.01 * i, rnd);
+    imu.gyro_body_rps.z() = std::min(2.0, imu.gyro_body_rps.z());
+    history.add(imu);
+    history.add(spin.wheels(0.01 * i, 20));
+  }
+  EXPECT_THAT(history.faults(), ElementsAre(HasSubstr("saturated")));
+  EXPECT_NEAR(history.ratesBetween(0.2, 0.5)->yaw_rate_rps, 4, 0.01);  // the car's own
 }
 
 struct WheelFault {
