@@ -11,6 +11,8 @@
 #include <string>
 #include <vector>
 
+#include "odometry/odometry_stream.h"
+
 namespace raceloc {
 
 /** Runs `body` and turns how it ends into what the user sees: 0 when it returns; one line on stderr and 2 for
@@ -56,5 +58,8 @@ class Progress {
 
 /** One line for each source of motion that was dropped: why, and for how many scans or outputs. */
 void printFaults(const std::map<std::string, std::size_t>& faults);
+
+/** What odometry came to, with or without a map around it. */
+void printOdometry(const OdometryTally& tally, double recorded_s, std::size_t dropped_late);
 
 }  // namespace raceloc

@@ -71,14 +71,7 @@ void print(const ReplayReport& r) {
 
 void print(const OdometryReport& r) {
   std::printf("device           %s\n", r.device_reason.c_str());
-  std::printf("recording        %.1f s, %.0f m, %zu scans (%zu trusted, %zu de-skewed by wheel speed)\n",
-              r.recorded_s, r.length_m, r.scans, r.trusted_scans, r.scans_by_wheels);
-  printFaults(r.faults);
-  if (r.passed_over > 0)
-    std::printf("passed over      %zu scans, not later than the one before\n", r.passed_over);
-  if (r.restarts > 0) std::printf("LOST             %zu times for good, and began anew\n", r.restarts);
-  if (r.dropped_late > 0)
-    std::printf("dropped          %zu samples, late beyond the window or not finite\n", r.dropped_late);
+  printOdometry(r.odometry, r.recorded_s, r.dropped_late);
   const auto learnt = [&](const char* what, int k, double per_unit, const char* unit) {
     std::printf("%-16s %.4f +- %.4f %s\n", what, r.calibration(k) / per_unit,
                 r.calibration_sigma(k) / per_unit, unit);

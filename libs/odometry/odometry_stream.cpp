@@ -23,12 +23,17 @@ std::vector<OdometryStep> OdometryStream::finish() {
 void OdometryStream::process(const Scan& scan, std::vector<OdometryStep>& steps) {
   const double end_s = endOfSweep(scan);
   if (x_last_s && end_s <= *x_last_s) {
-    ++x_passed_over;
+    ++x_tally.passed_over;
     return;
   }
   x_last_s = end_s;
-  steps.push_back(x_odometry.add(scan, x_history));
-  for (const std::string& fault : x_history.faults()) ++x_faults[fault];
+  const OdometryStep& step = steps.emplace_back(x_odometry.add(scan, x_history));
+  ++x_tally.scans;
+  x_tally.trusted += step.trusted ? 1 : 0;
+  x_tally.by_wheels += step.by_wheels ? 1 : 0;
+  x_tally.restarts += step.restarted ? 1 : 0;
+  x_tally.length_m += step.since_last.T_start_end.translation().norm();
+  for (const std::string& fault : x_history.faults()) ++x_tally.faults[fault];
 }
 
 }  // namespace raceloc

@@ -12,6 +12,15 @@
 
 namespace raceloc {
 
+/** What the scans of a run came to. */
+struct OdometryTally {
+  std::size_t scans = 0, trusted = 0, restarts = 0;
+  std::size_t by_wheels = 0;    ///< guess and de-skew by the wheels
+  std::size_t passed_over = 0;  ///< scans not later than the one before
+  double length_m = 0;
+  std::map<std::string, std::size_t> faults;  ///< sources that were dropped, and scans that did without them
+};
+
 /** One sample at a time to odometry steps, each when the motion of its sweep is known. */
 class OdometryStream {
  public:
@@ -23,11 +32,7 @@ class OdometryStream {
   [[nodiscard]] std::vector<OdometryStep> finish();  ///< what still waits, at the end of the stream
 
   [[nodiscard]] const MotionHistory& history() const { return x_history; }
-  [[nodiscard]] std::size_t passedOver() const {
-    return x_passed_over;
-  }  ///< scans not later than the one before
-  /** Sources that were dropped, by name and why, with the number of scans that did without them. */
-  [[nodiscard]] const std::map<std::string, std::size_t>& faults() const { return x_faults; }
+  [[nodiscard]] const OdometryTally& tally() const { return x_tally; }
 
  private:
   void process(const Scan& scan, std::vector<OdometryStep>& steps);
@@ -36,8 +41,7 @@ class OdometryStream {
   LivOdometry x_odometry;
   ScanQueue x_queue;
   std::optional<double> x_last_s;
-  std::size_t x_passed_over = 0;
-  std::map<std::string, std::size_t> x_faults;
+  OdometryTally x_tally;
 };
 
 }  // namespace raceloc

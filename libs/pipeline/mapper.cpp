@@ -100,27 +100,21 @@ class Survey {
   void finish() {
     for (OdometryStep& step : x_stream.finish()) take(std::move(step));
   }
-  [[nodiscard]] const OdometryStream& stream() const { return x_stream; }
+  [[nodiscard]] const OdometryTally& tally() const { return x_stream.tally(); }
 
   std::vector<Keyframe> keyframes;
   std::vector<Cloud> key_clouds;  ///< body frame, thinned to the map's spacing
   std::map<std::string, ReceiverTrack> receivers;
   Trajectory odometry;
-  std::size_t scans = 0, trusted = 0, by_wheels = 0, restarts = 0;
-  double length_m = 0;
   std::vector<double> residuals_m, inlier_shares;
 
  private:
   void take(OdometryStep step) {
-    ++scans;
-    if (step.trusted) ++trusted;
-    if (step.by_wheels) ++by_wheels;
-    if (step.restarted) ++restarts;
-    if (step.trusted && scans > 1) {
+    if (step.trusted && !odometry.poses.empty()) {  // the first one has nothing to match
+
       residuals_m.push_back(step.match.residual_m);
       inlier_shares.push_back(step.match.inlier_share);
     }
-    length_m += step.since_last.T_start_end.translation().norm();
     odometry.poses.push_back({step.stamp_s, step.T_odom_body});
 
     x_since_key = then(x_since_key, step.since_last);
@@ -195,7 +189,7 @@ BuiltMap buildMap(const std::string& log_path, const MapperOptions& options, con
   if (survey.keyframes.size() < 2)
     throw InputError("rawlog " + log_path + ": the car passes only " +
                      std::to_string(survey.keyframes.size()) + " key pose(s), with " +
-                     std::to_string(survey.trusted) + " of " + std::to_string(survey.scans) +
+                     std::to_string(survey.tally().trusted) + " of " + std::to_string(survey.tally().scans) +
                      " scans trusted; a map needs two or more " +
                      std::to_string(options.map.keyframe_distance_m) + " m apart");
 
@@ -234,14 +228,11 @@ BuiltMap buildMap(const std::string& log_path, const MapperOptions& options, con
         {survey.keyframes[i].stamp_s, graph.T_map_body[i], std::move(survey.key_clouds[i])});
   }
   built.report = {context.reason(),
-                  survey.scans,
-                  survey.trusted,
-                  survey.by_wheels,
+                  survey.tally(),
                   survey.keyframes.size(),
                   graph.gps_factors,
                   attitude_factors,
                   summary.last_s - summary.first_s,
-                  survey.length_m,
                   quantile(survey.residuals_m, 0.5),
                   quantile(survey.inlier_shares, 0.5),
                   graph.gps_rmse_m,
@@ -251,10 +242,7 @@ BuiltMap buildMap(const std::string& log_path, const MapperOptions& options, con
                   wallThickness(all),
                   thinned.cloud.size(),
                   built.tiles.tiles().size(),
-                  reader.droppedLate(),
-                  survey.restarts,
-                  survey.stream().passedOver(),
-                  survey.stream().faults()};
+                  reader.droppedLate()};
   progress(1.0);
   return built;
 }

@@ -53,9 +53,9 @@ struct ReplayReport {
 /** What odometry without a map tells. */
 struct OdometryReport {
   std::string device_reason;
-  double recorded_s, length_m;
-  std::size_t scans, trusted_scans, scans_by_wheels, restarts, passed_over, dropped_late;
-  std::map<std::string, std::size_t> faults;  ///< of the sources of motion; scans that did without them
+  double recorded_s;
+  OdometryTally odometry;
+  std::size_t dropped_late;
   CalibrationVector calibration, calibration_sigma;
   Trajectory trajectory;  ///< in the frame of the first scan's body
 };
