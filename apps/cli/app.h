@@ -6,12 +6,9 @@
 
 #include <chrono>
 #include <functional>
-#include <map>
 #include <memory>
 #include <string>
 #include <vector>
-
-#include "odometry/odometry_stream.h"
 
 namespace raceloc {
 
@@ -55,11 +52,5 @@ class Progress {
 
 /** Peak resident memory of this process [MiB], as the operating system counts it. */
 [[nodiscard]] double peakMemory_MiB();
-
-/** One line for each source of motion that was dropped: why, and for how many scans or outputs. */
-void printFaults(const std::map<std::string, std::size_t>& faults);
-
-/** What odometry came to, with or without a map around it. */
-void printOdometry(const OdometryTally& tally, double recorded_s, std::size_t dropped_late);
 
 }  // namespace raceloc

@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "cli/app.h"
+#include "cli/odometry_text.h"
 #include "core/errors.h"
 
 namespace raceloc {
@@ -20,10 +21,11 @@ SYNOPSIS
   raceloc-map -c INI -o MAP.rlmap SURVEY.rawlog
 
 DESCRIPTION
-  Reads a survey log, de-skews each LiDAR sweep by speed and yaw rate, registers it (VGICP) against the
-  map so far, ties the key poses to the GPS in a pose graph, and writes the map: one SQLite file, and
-  beside it MAP.simplemap (robot-map-gui) and MAP.3Dscene (SceneViewer3D). Files appear under their
-  names when they are whole; an interrupted run leaves what was there before.
+  Reads a survey log, de-skews each LiDAR sweep by the car's motion, merges those of several LiDARs,
+  registers them (VGICP) against the map so far, ties the key poses to the GPS in a pose graph, and
+  writes the map: one SQLite file, and beside it MAP.simplemap (robot-map-gui) and MAP.3Dscene
+  (SceneViewer3D). Files appear under their names when they are whole; an interrupted run leaves what
+  was there before.
 
 EXAMPLES
   raceloc-map -c ini/map.ini -o monza.rlmap survey.rawlog

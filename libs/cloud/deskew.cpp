@@ -2,7 +2,9 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <string>
+#include <utility>
 
 #include "core/errors.h"
 
@@ -30,36 +32,77 @@ SweepPoses steadySweep(const Vector6d& twist, double sweep_s) {
   return poses;
 }
 
-DeskewedScan deskew(const Scan& scan, const SweepPoses& T_begin_at, const CropOptions& crop) {
-  DeskewedScan out{endOfSweep(scan), {}};
-  const bool timed = !scan.time_s.empty();
-  const double sweep_s = out.stamp_s - scan.stamp_s;
+namespace {
+
+/** The motion of a sweep, from which the points of each of its scans take what they need. */
+struct SweepMotion {
+  double begin_s, end_s;
+  const SweepPoses& T_begin_at;
+};
+
+/** Appends the points of one scan. */
+void append(const Scan& scan, const SweepMotion& motion, const CropOptions& crop, bool with_intensity,
+            Cloud& out) {
+  const double sweep_s = motion.end_s - motion.begin_s;
 
   // A point's own transform lies between those of the steps around it, entry by entry.
   using Affine = Eigen::Matrix<float, 3, 4>;
-  std::vector<Affine> at(timed ? kSweepSteps + 1 : 1), change(at.size(), Affine::Zero());
+  const bool moves = sweep_s > 0;
+  std::vector<Affine> at(moves ? kSweepSteps + 1 : 1), change(at.size(), Affine::Zero());
   for (std::size_t k = 0; k < at.size(); ++k) {
-    const Pose T_end_then = timed ? T_begin_at.back().inverse() * T_begin_at[k] : Pose::Identity();
+    const Pose T_end_then =
+        moves ? motion.T_begin_at.back().inverse() * motion.T_begin_at[k] : Pose::Identity();
     at[k] = (T_end_then * scan.T_body_lidar).matrix().topRows<3>().cast<float>();
   }
   for (std::size_t k = 0; k + 1 < at.size(); ++k) change[k] = at[k + 1] - at[k];
 
-  out.cloud.reserve(scan.cloud.size());
-  const float steps_per_s = sweep_s > 0 ? static_cast<float>(kSweepSteps / sweep_s) : 0.0F;
-  const bool with_intensity = !scan.cloud.intensity.empty();
+  const bool timed = !scan.time_s.empty();
+  const auto begin_s = static_cast<float>(scan.stamp_s - motion.begin_s);
+  const float steps_per_s = moves ? static_cast<float>(kSweepSteps / sweep_s) : 0.0F;
   for (std::size_t i = 0; i < scan.cloud.size(); ++i) {
-    const float step =
-        timed ? std::clamp(scan.time_s[i] * steps_per_s, 0.0F, static_cast<float>(kSweepSteps)) : 0.0F;
+    const float time_s = timed ? begin_s + scan.time_s[i] : begin_s;
+    const float step = std::clamp(time_s * steps_per_s, 0.0F, static_cast<float>(at.size() - 1));
     const auto k = static_cast<std::size_t>(step);
     const Affine T_end_lidar = at[k] + (step - static_cast<float>(k)) * change[k];
     const Eigen::Vector3f p_lidar_m = scan.cloud.point(i);
     const Eigen::Vector3f p_body_m = T_end_lidar.leftCols<3>() * p_lidar_m + T_end_lidar.col(3);
     if (!isInside(p_lidar_m, p_body_m, crop)) continue;
     if (with_intensity)
-      out.cloud.push(p_body_m, scan.cloud.intensity[i]);
+      out.push(p_body_m, scan.cloud.intensity[i]);
     else
-      out.cloud.push(p_body_m);
+      out.push(p_body_m);
   }
+}
+
+bool hasIntensity(const Scan& scan) { return scan.cloud.empty() || !scan.cloud.intensity.empty(); }
+
+}  // namespace
+
+Sweep sweepOf(std::vector<Scan> scans) {
+  Sweep sweep{std::move(scans), std::numeric_limits<double>::infinity(),
+              -std::numeric_limits<double>::infinity()};
+  for (const Scan& scan : sweep.scans) {
+    sweep.begin_s = std::min(sweep.begin_s, scan.stamp_s);
+    sweep.end_s = std::max(sweep.end_s, endOfSweep(scan));
+  }
+  return sweep;
+}
+
+DeskewedScan deskew(const Sweep& sweep, const SweepPoses& T_begin_at, const CropOptions& crop) {
+  DeskewedScan out{sweep.end_s, {}};
+  std::size_t points = 0;
+  for (const Scan& scan : sweep.scans) points += scan.cloud.size();
+  out.cloud.reserve(points);
+  const bool with_intensity = std::all_of(sweep.scans.begin(), sweep.scans.end(), hasIntensity);
+  for (const Scan& scan : sweep.scans)
+    append(scan, {sweep.begin_s, sweep.end_s, T_begin_at}, crop, with_intensity, out.cloud);
+  return out;
+}
+
+DeskewedScan deskew(const Scan& scan, const SweepPoses& T_begin_at, const CropOptions& crop) {
+  DeskewedScan out{endOfSweep(scan), {}};
+  out.cloud.reserve(scan.cloud.size());
+  append(scan, {scan.stamp_s, out.stamp_s, T_begin_at}, crop, !scan.cloud.intensity.empty(), out.cloud);
   return out;
 }
 

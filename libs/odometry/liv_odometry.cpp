@@ -66,13 +66,12 @@ Fused fused(const Pose& predicted, const Matrix6d& P, const Registration& match)
 
 }  // namespace
 
-OdometryStep LivOdometry::add(const Scan& scan, MotionHistory& history) {
+OdometryStep LivOdometry::add(const Sweep& sweep, MotionHistory& history) {
   OdometryStep step{};
-  const double end_s = endOfSweep(scan);
-  const auto sweep = history.sweep(scan.stamp_s, end_s);
-  step.by_wheels = sweep.has_value();
-  DeskewedScan deskewed =
-      deskew(scan, sweep ? *sweep : steadySweep(velocityOf(x_last_motion), end_s - scan.stamp_s), x_crop);
+  const auto poses = history.sweep(sweep.begin_s, sweep.end_s);
+  step.by_wheels = poses.has_value();
+  DeskewedScan deskewed = deskew(
+      sweep, poses ? *poses : steadySweep(velocityOf(x_last_motion), sweep.end_s - sweep.begin_s), x_crop);
   step.stamp_s = deskewed.stamp_s;
   if (x_last_stamp_s && step.stamp_s <= *x_last_stamp_s)
     throw std::invalid_argument("LivOdometry: scans must come in order of time");

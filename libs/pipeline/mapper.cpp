@@ -8,7 +8,6 @@
 
 #include "cloud/voxel_grid.h"
 #include "core/errors.h"
-#include "core/labels.h"
 #include "core/statistics.h"
 #include "pipeline/device_watch.h"
 
@@ -155,23 +154,13 @@ Cloud inMap(const std::vector<Cloud>& clouds, const std::vector<Pose>& poses) {
   return all;
 }
 
-void requireOneLidar(const LogSummary& summary, const std::string& patterns) {
-  requireDevice(summary, "lidar", patterns);
-  std::vector<std::string> matching;
-  for (const auto& device : summary.devices)
-    if (device.kind == "lidar" && matchesLabel(patterns, device.label)) matching.push_back(device.label);
-  if (matching.size() > 1)
-    throw InputError("rawlog " + summary.path + ": several LiDARs match '" + patterns + "' (" +
-                     listed(matching) + "); name one with lidar_labels in section [log]");
-}
-
 }  // namespace
 
 BuiltMap buildMap(const std::string& log_path, const MapperOptions& options, const std::string& tool_version,
                   const std::function<void(double)>& progress) {
   const LogOptions& log = options.matching.log;
   const LogSummary summary = summarizeRawlog(log_path);
-  requireOneLidar(summary, log.lidar_labels);
+  requireDevice(summary, "lidar", log.lidar_labels);
   if (log.gps_labels != "*") requireDevice(summary, "gps", log.gps_labels);
   if (log.vehicle_labels != "*") requireDevice(summary, "vehicle", log.vehicle_labels);
 

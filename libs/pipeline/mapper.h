@@ -64,8 +64,7 @@ struct BuiltMap {
 /** Runs the whole chain on one log: read, de-skew, odometry, pose graph with GPS, tiles. Key scans are kept
  * in memory, thinned to the map's spacing. A log without GPS gives a map without georeference, in the frame
  * of its first pose. \param progress  called with 0..1 \throws InputError for a log that cannot be read, has
- * no LiDAR of the configured label or several of them, fewer than two scans, or a pattern that matches no
- * device. */
+ * no LiDAR of the configured labels, fewer than two scans, or a pattern that matches no device. */
 [[nodiscard]] BuiltMap buildMap(const std::string& log_path, const MapperOptions& options,
                                 const std::string& tool_version, const std::function<void(double)>& progress);
 

@@ -81,7 +81,7 @@ class Tally {
       ++x_report.dead_reckoned;
     }
     if (!output.by_wheels) ++x_report.without_wheels;
-    for (const std::string& fault : output.faults) ++x_report.faults[fault];
+    for (const auto& [fault, times] : output.faults) x_report.faults[fault] += times;
     if (!output.scan_match) return;
     ++x_report.scans;
     if (!output.scan_match->trusted) return;

@@ -61,6 +61,45 @@ TEST(DeskewProperty, UndoesTheMotionOfTheCar) {
   });
 }
 
+TEST(DeskewProperty, BringsSeveralLidarsToTheEndOfTheLast) {
+  forAll(100, [](Random& rnd) {
+    const Vector6d motion = twist(rnd.uniform(-5, 80), rnd.uniform(-1, 1));
+    constexpr double kBegin_s = 1.7e9, kEnd_s = kBegin_s + 0.16;
+    std::vector<Scan> scans;
+    std::vector<Eigen::Vector3d> p_end_m;
+    const auto see = [&](Scan& scan, double stamp_s) {
+      p_end_m.push_back(rnd.vectorWithin(100));
+      const Pose T_end_then = se3Exp(motion * (stamp_s - kEnd_s));
+      scan.cloud.push(((T_end_then * scan.T_body_lidar).inverse() * p_end_m.back()).cast<float>(), 0.5F);
+    };
+    for (const double begin_s : {kBegin_s, kBegin_s + 0.03, kBegin_s + 0.06}) {
+      Scan& scan = scans.emplace_back(Scan{begin_s, "lidar", rnd.pose(3.0, 2.0), {}, {}, {}});
+      for (int i = 0; i <= 50; ++i) {
+        see(scan, begin_s + 0.002 * i);
+        scan.time_s.push_back(0.002F * static_cast<float>(i));
+      }
+    }
+    Scan& snapshot = scans.emplace_back(Scan{kBegin_s + 0.1, "flash", rnd.pose(3.0, 2.0), {}, {}, {}});
+    for (int i = 0; i < 10; ++i) see(snapshot, snapshot.stamp_s);
+    const DeskewedScan merged = deskew(sweepOf(scans), steadySweep(motion, 0.16), everything());
+    EXPECT_NEAR(merged.stamp_s, kEnd_s, 1e-6);
+    ASSERT_EQ(merged.cloud.size(), p_end_m.size());
+    EXPECT_EQ(merged.cloud.intensity.size(), p_end_m.size());
+    // As above with steps of 5 ms: 0.8 mm; and 1 us of a stamp of today at 80 m/s: 0.1 mm.
+    for (std::size_t i = 0; i < p_end_m.size(); ++i)
+      EXPECT_LT((merged.cloud.point(i).cast<double>() - p_end_m[i]).norm(), 1e-3);
+  });
+}
+
+TEST(Deskew, AScanWithoutIntensityTakesItFromAllThatItIsMergedWith) {
+  Scan with{5, "a", Pose::Identity(), {}, {}, {}}, without = with;
+  with.cloud.push({10, 2, 1}, 0.5F);
+  without.cloud.push({10, 2, 1});
+  const DeskewedScan merged = deskew(sweepOf({with, without}), kStill, everything());
+  EXPECT_EQ(merged.cloud.size(), 2U);
+  EXPECT_TRUE(merged.cloud.intensity.empty());
+}
+
 TEST(DeskewProperty, LeavesAStandingCarAlone) {
   forAll(50, [](Random& rnd) {
     const auto seen = drive(rnd, twist(0, 0));
