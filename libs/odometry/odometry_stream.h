@@ -26,7 +26,7 @@ class OdometryStream {
   OdometryStream(MotionHistory history, LivOdometry odometry, ScanQueue queue = ScanQueue())
       : x_history(std::move(history)), x_odometry(std::move(odometry)), x_queue(std::move(queue)) {}
 
-  /** In order of time; fixes and INS poses are not for this. \throws InputError as ScanQueue::push() does. */
+  /** In order of time; fixes and INS poses are not for this. */
   [[nodiscard]] std::vector<OdometryStep> add(Sample sample);
   [[nodiscard]] std::vector<OdometryStep> finish();  ///< what still waits, at the end of the stream
 

@@ -14,9 +14,9 @@ constexpr double kPatience_s = 0.3;     // for the motion of a sweep
 constexpr double kUsualPeriod_s = 0.1;  // of a LiDAR that has delivered once
 constexpr std::size_t kGaps = 5;        // that its period is the median of
 constexpr double kAwaitedPeriods = 0.25;
-constexpr double kSilentPeriods = 1.5;  // without a scan for so long, one has not come
-constexpr double kNeverHeard_s = 1;
-constexpr double kOldest_s = 0.3;  // a late scan that ended so long ago goes with no sweep
+constexpr double kSilentPeriods = 1.5;
+constexpr double kNeverHeard_s = 1;  // or once
+constexpr double kOldest_s = 0.3;    // a late scan that ended so long ago goes with no sweep
 
 }  // namespace
 
@@ -24,20 +24,27 @@ double ScanQueue::Lidar::period_s() const {
   return gaps_s.empty() ? kUsualPeriod_s : quantile({gaps_s.begin(), gaps_s.end()}, 0.5);
 }
 
+double ScanQueue::Lidar::silentAfter_s() const {
+  return gaps_s.empty() ? kNeverHeard_s : kSilentPeriods * period_s();
+}
+
 void ScanQueue::push(Scan scan) {
-  const double end_s = endOfSweep(scan);
-  if (!x_first_s) x_first_s = scan.stamp_s;
-  auto [found, is_new] = x_lidars.try_emplace(scan.label, Lidar{scan.stamp_s, scan.stamp_s, end_s, {}, {}});
+  const double stamp_s = scan.stamp_s;
+  if (!x_first_s) x_first_s = stamp_s;
+  const auto [found, is_new] = x_lidars.try_emplace(scan.label);
   Lidar& lidar = found->second;
-  if (!is_new && scan.stamp_s == lidar.stamp_s) return note(scan.label, "stamp repeated, scan passed over");
+  if (!is_new && stamp_s == lidar.stamp_s) return note(scan.label, "stamp repeated, scan passed over");
+  checkTimes(scan, lidar);
+  const double end_s = endOfSweep(scan);
   if (lidar.used_s && end_s <= *lidar.used_s) return note(scan.label, "stamp went back, scan passed over");
-  if (!is_new && scan.stamp_s > lidar.stamp_s) {
-    const double gap_s = scan.stamp_s - lidar.stamp_s;
-    if (!lidar.silence_told && isSilent(lidar, scan.stamp_s + lidar.end_s - lidar.stamp_s))
-      note(scan.label, "silent");
-    lidar.gaps_s.push_back(gap_s);
-    if (lidar.gaps_s.size() > kGaps) lidar.gaps_s.pop_front();
-    lidar.stamp_s = scan.stamp_s;
+  if (is_new || stamp_s > lidar.stamp_s) {
+    if (!is_new) {
+      const double gap_s = stamp_s - lidar.stamp_s;
+      if (!lidar.silence_told && gap_s > lidar.silentAfter_s()) note(scan.label, "silent");
+      lidar.gaps_s.push_back(gap_s);
+      if (lidar.gaps_s.size() > kGaps) lidar.gaps_s.pop_front();
+    }
+    lidar.stamp_s = stamp_s;
     lidar.end_s = end_s;
     lidar.silence_told = false;
   }
@@ -50,6 +57,28 @@ void ScanQueue::push(Scan scan) {
   const auto place = std::upper_bound(x_waiting.begin(), x_waiting.end(), end_s,
                                       [](double t, const Waiting& w) { return t < w.end_s; });
   x_waiting.insert(place, {end_s, std::move(scan)});
+}
+
+void ScanQueue::checkTimes(Scan& scan, Lidar& lidar) {
+  constexpr std::size_t kPeriodKnown = 3;  // gaps
+  constexpr int kOrderKnown = 10;          // scans
+  std::optional<double> period_s;
+  if (lidar.gaps_s.size() >= kPeriodKnown) period_s = lidar.period_s();
+  std::optional<bool> ascending;
+  if (lidar.same_order >= kOrderKnown) ascending = lidar.ascending;
+  const PointTimesVerdict times = checkPointTimes(scan, period_s, ascending);
+  if (times.kind == PointTimes::good) {
+    lidar.sweep_s = endOfSweep(scan) - scan.stamp_s;
+    if (!times.ascending) return;
+    lidar.same_order = *times.ascending == lidar.ascending ? lidar.same_order + 1 : 1;
+    lidar.ascending = *times.ascending;
+    return;
+  }
+  const char* const unused = times.kind == PointTimes::absent ? "" : ": not used";
+  const auto told = lidar.told.try_emplace(times.kind, times.text + unused + ", scan taken as it is");
+  note(scan.label, told.first->second);
+  scan.time_s.clear();
+  scan.stamp_s += 0.5 * lidar.sweep_s;  // what is bent both ways is best in its middle
 }
 
 std::vector<ScanQueue::Member> ScanQueue::nextMembers(double now_s) const {
@@ -134,17 +163,13 @@ Sweep ScanQueue::leave(const std::vector<Member>& members) {
   return sweepOf(std::move(scans));
 }
 
-bool ScanQueue::isSilent(const Lidar& lidar, double now_s) const {
-  return now_s - lidar.end_s > kSilentPeriods * lidar.period_s();
-}
-
 void ScanQueue::note(const std::string& label, const std::string& what) {
   ++x_noted["LiDAR " + label + ": " + what];
 }
 
 FaultCounts ScanQueue::takeFaults(double now_s) {
   for (auto& [label, lidar] : x_lidars)
-    if (isSilent(lidar, now_s)) {
+    if (now_s - lidar.end_s > lidar.silentAfter_s()) {
       note(label, "silent");
       lidar.silence_told = true;
     }

@@ -10,6 +10,7 @@
 #include <vector>
 
 #include "cloud/deskew.h"
+#include "cloud/point_times.h"
 #include "core/samples.h"
 #include "odometry/motion_history.h"
 
@@ -33,7 +34,7 @@ class ScanQueue {
   /** \param expected LiDARs that should be there: one that never delivers is named; it is not waited for */
   explicit ScanQueue(std::vector<std::string> expected = {}) : x_expected(std::move(expected)) {}
 
-  /** \throws InputError as endOfSweep() does. */
+  /** A scan whose point times are bad is taken as it is, at the middle of its sweep if that can be known, and that is named. */
   void push(Scan scan);
 
   /** The next sweep whose motion is known, or which ended more than 0.3 s before `now_s` (the newest
@@ -54,12 +55,17 @@ class ScanQueue {
     Scan scan;
   };
   struct Lidar {
-    double first_s, stamp_s, end_s;         ///< of its first and its newest scan
-    std::deque<double> gaps_s;              ///< between its last scans
-    std::optional<double> used_s;           ///< end of the last scan of it that has left
-    bool in_time = true;                    ///< its newest scan came before its companions left
-    bool silence_told = false;              ///< since its newest scan
-    [[nodiscard]] double period_s() const;  ///< median gap; of usual LiDARs while there is none
+    double stamp_s = 0, end_s = 0;           ///< of its newest scan
+    std::deque<double> gaps_s;               ///< between its last scans
+    double sweep_s = 0;                      ///< of its newest scan with good point times
+    bool ascending = true;                   ///< how the times of its points go along the cloud ...
+    int same_order = 0;                      ///< ... and for how many scans it has been so
+    std::map<PointTimes, std::string> told;  ///< of bad point times, as they were seen first: one text a kind
+    std::optional<double> used_s;            ///< end of the last scan of it that has left
+    bool in_time = true;                     ///< its newest scan came before its companions left
+    bool silence_told = false;               ///< since its newest scan
+    [[nodiscard]] double period_s() const;   ///< median gap; of usual LiDARs while there is none
+    [[nodiscard]] double silentAfter_s() const;  ///< without a scan for so long, one has not come
   };
   /** One of the next sweep: waiting, or still awaited. */
   struct Member {
@@ -68,7 +74,8 @@ class ScanQueue {
     bool here;
   };
   [[nodiscard]] std::vector<Member> nextMembers(double now_s) const;
-  [[nodiscard]] bool isSilent(const Lidar& lidar, double now_s) const;
+  /** Takes away point times that cannot be believed. */
+  void checkTimes(Scan& scan, Lidar& lidar);
   Sweep leave(const std::vector<Member>& members);
   void note(const std::string& label, const std::string& what);
 

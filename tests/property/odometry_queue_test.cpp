@@ -173,5 +173,58 @@ TEST(ScanQueue, TwoRatesAreMatchedAsOneWhereTheyMeet) {
   EXPECT_NEAR(static_cast<double>(alone), 20, 1);
 }
 
+/** Scans of a sweeping LiDAR, those from 1 s to 2 s with other point times. */
+FaultCounts withTimes(const std::function<void(Scan&, Random&)>& spoil, std::size_t& sweeps) {
+  Random rnd(1);
+  ScanQueue queue;
+  FaultCounts faults;
+  double last_end_s = 0;
+  sweeps = 0;
+  for (int i = 0; i < 30; ++i) {
+    Scan scan{0.1 * i, "lidar", Pose::Identity(), {}, {}, {}};
+    for (int k = 0; k < 1000; ++k) {
+      const double azimuth_rad = 2 * M_PI * k / 1000;
+      scan.cloud.push(
+          Eigen::Vector3d(20 * std::cos(azimuth_rad), 20 * std::sin(azimuth_rad), 0).cast<float>());
+      scan.time_s.push_back(static_cast<float>(0.1 * k / 1000));
+    }
+    if (i >= 10 && i < 20) spoil(scan, rnd);
+    queue.push(scan);
+    while (const auto sweep = queue.popAny()) {
+      ++sweeps;
+      EXPECT_GT(sweep->end_s, last_end_s);
+      EXPECT_NEAR(sweep->end_s, 0.1 * i + (i >= 10 && i < 20 ? 0.05 : 0.1),
+                  2e-4);  // bent: the sweep's middle
+      last_end_s = sweep->end_s;
+    }
+    for (const auto& [fault, times] : queue.takeFaults(0.1 * i)) faults[fault] += times;
+  }
+  return faults;
+}
+
+TEST(ScanQueue, WhenPointTimesAreBadEachScanIsTakenAsItIsAndThatIsNamed) {
+  const auto expectTold = [](const std::string& what, const std::function<void(Scan&, Random&)>& spoil) {
+    SCOPED_TRACE(what);
+    std::size_t sweeps = 0;
+    const FaultCounts faults = withTimes(spoil, sweeps);
+    EXPECT_EQ(sweeps, 30U);
+    EXPECT_THAT(faults, ElementsAre(Pair("LiDAR lidar: " + what + ", scan taken as it is", 10U)));
+  };
+  const auto each = [](const std::function<float(float, Random&)>& change) {
+    return [change](Scan& scan, Random& rnd) {
+      for (float& t : scan.time_s) t = change(t, rnd);
+    };
+  };
+  expectTold("no point times", [](Scan& scan, Random&) { scan.time_s.clear(); });
+  expectTold("point times are all 0 s: not used", each([](float, Random&) { return 0.0F; }));
+  expectTold("point times in no order: not used",
+             each([](float, Random& rnd) { return static_cast<float>(rnd.uniform(0, 0.1)); }));
+  expectTold("point times run backwards: not used", each([](float t, Random&) { return 0.1F - t; }));
+  expectTold("point times run from 5 to 5.1 s: not used", each([](float t, Random&) { return t + 5; }));
+  expectTold("point times run from 0 to 0.2997 s, longer than a sweep: not used",
+             each([](float t, Random&) { return 3 * t; }));
+  expectTold("point times are not all numbers: not used", each([](float, Random&) { return std::nanf(""); }));
+}
+
 }  // namespace
 }  // namespace raceloc
