@@ -4,6 +4,7 @@
 #include <limits>
 #include <utility>
 
+#include "cloud/scan_check.h"
 #include "core/statistics.h"
 
 namespace raceloc {
@@ -34,6 +35,7 @@ void ScanQueue::push(Scan scan) {
   const auto [found, is_new] = x_lidars.try_emplace(scan.label);
   Lidar& lidar = found->second;
   if (!is_new && stamp_s == lidar.stamp_s) return note(scan.label, "stamp repeated, scan passed over");
+  checkContent(scan, lidar);
   checkTimes(scan, lidar);
   const double end_s = endOfSweep(scan);
   if (lidar.used_s && end_s <= *lidar.used_s) return note(scan.label, "stamp went back, scan passed over");
@@ -59,6 +61,14 @@ void ScanQueue::push(Scan scan) {
   x_waiting.insert(place, {end_s, std::move(scan)});
 }
 
+void ScanQueue::checkContent(const Scan& scan, Lidar& lidar) {
+  if (scan.cloud.empty()) return note(scan.label, "empty scan");
+  if (isOneRing(scan)) return note(scan.label, "all points in one ring, height, roll and pitch are not seen");
+  constexpr int kForLong = 5;  // scans; a lorry beside the car hides the ground for one or two
+  if (const auto ground = showsGround(scan)) lidar.groundless = *ground ? 0 : lidar.groundless + 1;
+  if (lidar.groundless >= kForLong) note(scan.label, "no ground below the car, check its extrinsics");
+}
+
 void ScanQueue::checkTimes(Scan& scan, Lidar& lidar) {
   constexpr std::size_t kPeriodKnown = 3;  // gaps
   constexpr int kOrderKnown = 10;          // scans
@@ -66,6 +76,7 @@ void ScanQueue::checkTimes(Scan& scan, Lidar& lidar) {
   if (lidar.gaps_s.size() >= kPeriodKnown) period_s = lidar.period_s();
   std::optional<bool> ascending;
   if (lidar.same_order >= kOrderKnown) ascending = lidar.ascending;
+  if (scan.cloud.empty()) scan.time_s.clear();
   const PointTimesVerdict times = checkPointTimes(scan, period_s, ascending);
   if (times.kind == PointTimes::good) {
     lidar.sweep_s = endOfSweep(scan) - scan.stamp_s;
@@ -74,11 +85,12 @@ void ScanQueue::checkTimes(Scan& scan, Lidar& lidar) {
     lidar.ascending = *times.ascending;
     return;
   }
+  scan.time_s.clear();
+  scan.stamp_s += 0.5 * lidar.sweep_s;  // what is bent both ways is best in its middle
+  if (scan.cloud.empty()) return;
   const char* const unused = times.kind == PointTimes::absent ? "" : ": not used";
   const auto told = lidar.told.try_emplace(times.kind, times.text + unused + ", scan taken as it is");
   note(scan.label, told.first->second);
-  scan.time_s.clear();
-  scan.stamp_s += 0.5 * lidar.sweep_s;  // what is bent both ways is best in its middle
 }
 
 std::vector<ScanQueue::Member> ScanQueue::nextMembers(double now_s) const {

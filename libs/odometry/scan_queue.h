@@ -34,7 +34,8 @@ class ScanQueue {
   /** \param expected LiDARs that should be there: one that never delivers is named; it is not waited for */
   explicit ScanQueue(std::vector<std::string> expected = {}) : x_expected(std::move(expected)) {}
 
-  /** A scan whose point times are bad is taken as it is, at the middle of its sweep if that can be known, and that is named. */
+  /** What is wrong with a scan is named. One whose point times are bad is taken as it is, at the middle of its sweep if that can be known, and one whose stamp is not later than
+   * that of the scan before is passed over. */
   void push(Scan scan);
 
   /** The next sweep whose motion is known, or which ended more than 0.3 s before `now_s` (the newest
@@ -60,6 +61,7 @@ class ScanQueue {
     double sweep_s = 0;                      ///< of its newest scan with good point times
     bool ascending = true;                   ///< how the times of its points go along the cloud ...
     int same_order = 0;                      ///< ... and for how many scans it has been so
+    int groundless = 0;                      ///< scans in a row without ground below the car
     std::map<PointTimes, std::string> told;  ///< of bad point times, as they were seen first: one text a kind
     std::optional<double> used_s;            ///< end of the last scan of it that has left
     bool in_time = true;                     ///< its newest scan came before its companions left
@@ -76,6 +78,7 @@ class ScanQueue {
   [[nodiscard]] std::vector<Member> nextMembers(double now_s) const;
   /** Takes away point times that cannot be believed. */
   void checkTimes(Scan& scan, Lidar& lidar);
+  void checkContent(const Scan& scan, Lidar& lidar);
   Sweep leave(const std::vector<Member>& members);
   void note(const std::string& label, const std::string& what);
 

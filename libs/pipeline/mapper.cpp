@@ -154,6 +154,13 @@ Cloud inMap(const std::vector<Cloud>& clouds, const std::vector<Pose>& poses) {
   return all;
 }
 
+/** "; LiDAR lidar_top: empty scan (72 times)". */
+std::string listed(const FaultCounts& faults) {
+  std::string text;
+  for (const auto& [fault, times] : faults) text += "; " + fault + " (" + std::to_string(times) + " times)";
+  return text;
+}
+
 }  // namespace
 
 BuiltMap buildMap(const std::string& log_path, const MapperOptions& options, const std::string& tool_version,
@@ -176,11 +183,11 @@ BuiltMap buildMap(const std::string& log_path, const MapperOptions& options, con
   }
   survey.finish();
   if (survey.keyframes.size() < 2)
-    throw InputError("rawlog " + log_path + ": the car passes only " +
-                     std::to_string(survey.keyframes.size()) + " key pose(s), with " +
-                     std::to_string(survey.tally().trusted) + " of " + std::to_string(survey.tally().scans) +
-                     " scans trusted; a map needs two or more " +
-                     std::to_string(options.map.keyframe_distance_m) + " m apart");
+    throw InputError(
+        "rawlog " + log_path + ": the car passes only " + std::to_string(survey.keyframes.size()) +
+        " key pose(s), with " + std::to_string(survey.tally().trusted) + " of " +
+        std::to_string(survey.tally().scans) + " scans trusted; a map needs two or more " +
+        std::to_string(options.map.keyframe_distance_m) + " m apart" + listed(survey.tally().faults));
 
   std::size_t attitude_factors = 0;
   if (const ReceiverTrack* receiver = mainReceiver(survey.receivers))

@@ -185,7 +185,7 @@ FaultCounts withTimes(const std::function<void(Scan&, Random&)>& spoil, std::siz
     for (int k = 0; k < 1000; ++k) {
       const double azimuth_rad = 2 * M_PI * k / 1000;
       scan.cloud.push(
-          Eigen::Vector3d(20 * std::cos(azimuth_rad), 20 * std::sin(azimuth_rad), 0).cast<float>());
+          Eigen::Vector3d(20 * std::cos(azimuth_rad), 20 * std::sin(azimuth_rad), k % 2).cast<float>());
       scan.time_s.push_back(static_cast<float>(0.1 * k / 1000));
     }
     if (i >= 10 && i < 20) spoil(scan, rnd);
@@ -224,6 +224,29 @@ TEST(ScanQueue, WhenPointTimesAreBadEachScanIsTakenAsItIsAndThatIsNamed) {
   expectTold("point times run from 0 to 0.2997 s, longer than a sweep: not used",
              each([](float t, Random&) { return 3 * t; }));
   expectTold("point times are not all numbers: not used", each([](float, Random&) { return std::nanf(""); }));
+}
+
+TEST(ScanQueue, ScansThatAreNotLaterThanTheOneBeforeArePassedOverForATrueReason) {
+  ScanQueue queue;
+  std::size_t sweeps = 0;
+  for (const double stamp_s : {1.0, 1.1, 1.1, 1.2, 1.15, 0.3, 1.3}) {
+    queue.push({stamp_s, "lidar", Pose::Identity(), {}, {}, {}});
+    while (queue.popAny()) ++sweeps;
+  }
+  EXPECT_EQ(sweeps, 4U);
+  EXPECT_THAT(queue.takeFaults(1.3), ElementsAre(Pair("LiDAR lidar: empty scan", 6U),
+                                                 Pair("LiDAR lidar: stamp repeated, scan passed over", 1U),
+                                                 Pair("LiDAR lidar: stamp went back, scan passed over", 2U)));
+  EXPECT_THAT(queue.takeFaults(1.3), IsEmpty());  // told once
+}
+
+TEST(ScanQueue, ALidarThatStaysSilentIsNamedAgainAndAgain) {
+  ScanQueue queue;
+  for (int i = 0; i < 5; ++i) queue.push({0.1 * i, "lidar", Pose::Identity(), {}, {}, {}});
+  while (queue.popAny()) continue;
+  (void)queue.takeFaults(0.5);
+  EXPECT_THAT(queue.takeFaults(0.6), ElementsAre(Pair("LiDAR lidar: silent", 1U)));
+  EXPECT_THAT(queue.takeFaults(0.7), ElementsAre(Pair("LiDAR lidar: silent", 1U)));
 }
 
 }  // namespace
