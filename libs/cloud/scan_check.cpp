@@ -52,8 +52,9 @@ std::optional<bool> showsGround(const Scan& scan) {
     const Cell& cell = cells[i];
     if (cell.count < kFewestPoints) continue;
     ++seen;
-    const double x_m = static_cast<double>(i % kSide) + 0.5 - kReach_m;
-    const double y_m = static_cast<double>(i / kSide) + 0.5 - kReach_m;
+    const std::size_t row = i / kSide, column = i % kSide;
+    const double x_m = static_cast<double>(column) + 0.5 - kReach_m;
+    const double y_m = static_cast<double>(row) + 0.5 - kReach_m;
     const double slope_m = kSlope * std::hypot(x_m, y_m);
     if (cell.highest_m - cell.lowest_m < kFlat_m && cell.lowest_m > kDeepest_m - slope_m &&
         cell.highest_m < slope_m)

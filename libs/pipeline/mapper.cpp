@@ -94,10 +94,10 @@ class Survey {
   void add(Sample sample) {
     if (const auto* fix = std::get_if<GpsFix>(&sample)) receivers[fix->label].fixes.push_back(*fix);
     if (const auto* pose = std::get_if<InsPose>(&sample)) receivers[pose->label].poses.push_back(*pose);
-    for (OdometryStep& step : x_stream.add(std::move(sample))) take(std::move(step));
+    for (const OdometryStep& step : x_stream.add(std::move(sample))) take(step);
   }
   void finish() {
-    for (OdometryStep& step : x_stream.finish()) take(std::move(step));
+    for (const OdometryStep& step : x_stream.finish()) take(step);
   }
   [[nodiscard]] const OdometryTally& tally() const { return x_stream.tally(); }
 
@@ -108,7 +108,7 @@ class Survey {
   std::vector<double> residuals_m, inlier_shares;
 
  private:
-  void take(OdometryStep step) {
+  void take(const OdometryStep& step) {
     if (step.trusted && !odometry.poses.empty()) {  // the first one has nothing to match
 
       residuals_m.push_back(step.match.residual_m);

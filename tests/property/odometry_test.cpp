@@ -65,6 +65,7 @@ TEST(ScanQueue, WaitsForTheMotionOfTheSweepButNotForever) {
   MotionHistory history({});
   ScanQueue queue;
   Scan scan{1.0, "lidar", Pose::Identity(), {}, {0.0F, 0.1F}, {}};
+  for (int i = 0; i < 2; ++i) scan.cloud.push({10, 0, 0});
   queue.push(scan);
   history.add(motionAt(1.0, 10, 0));
   EXPECT_FALSE(queue.pop(history, 1.0));
