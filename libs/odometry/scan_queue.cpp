@@ -1,6 +1,7 @@
 #include "odometry/scan_queue.h"
 
 #include <algorithm>
+#include <cmath>
 #include <limits>
 #include <utility>
 
@@ -31,6 +32,7 @@ double ScanQueue::Lidar::silentAfter_s() const {
 
 void ScanQueue::push(Scan scan) {
   const double stamp_s = scan.stamp_s;
+  if (!std::isfinite(stamp_s)) return note(scan.label, "stamp is no number, scan passed over");
   if (!x_first_s) x_first_s = stamp_s;
   const auto [found, is_new] = x_lidars.try_emplace(scan.label);
   Lidar& lidar = found->second;
@@ -112,7 +114,7 @@ std::vector<ScanQueue::Member> ScanQueue::nextMembers(double now_s) const {
             [](const Member& a, const Member& b) { return a.end_s < b.end_s; });
 
   // What ends a period after the first belongs to the next turn.
-  const auto next_turn = std::find_if(members.begin(), members.end(), [&](const Member& m) {
+  const auto next_turn = std::find_if(members.begin() + 1, members.end(), [&](const Member& m) {
     return m.end_s >= members.front().end_s + cycle_s;
   });
   members.erase(next_turn, members.end());
