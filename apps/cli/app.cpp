@@ -98,9 +98,4 @@ double peakMemory_MiB() {
   return static_cast<double>(usage.ru_maxrss) / 1024;
 }
 
-void printFaults(const std::map<std::string, std::size_t>& faults) {
-  for (const auto& [fault, times] : faults)
-    std::printf("DEGRADED         %s (%zu times): went on without it\n", fault.c_str(), times);
-}
-
 }  // namespace raceloc

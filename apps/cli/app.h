@@ -6,7 +6,6 @@
 
 #include <chrono>
 #include <functional>
-#include <map>
 #include <memory>
 #include <string>
 #include <vector>
@@ -53,8 +52,5 @@ class Progress {
 
 /** Peak resident memory of this process [MiB], as the operating system counts it. */
 [[nodiscard]] double peakMemory_MiB();
-
-/** One line for each source of motion that was dropped: why, and for how many scans or outputs. */
-void printFaults(const std::map<std::string, std::size_t>& faults);
 
 }  // namespace raceloc

@@ -199,8 +199,9 @@ std::optional<ImportArgs> parseKittiRaw(const Words& words) {
   drive.folder = folder.getValue();
   drive.decimation = parseDecimation(decimate.getValue());
   drive.gps_noise = noiseOf(noise, seed);
-  drive.sweep = choiceOf<Sweep>(
-      sweep, {{"ccw", Sweep::counter_clockwise}, {"cw", Sweep::clockwise}, {"none", Sweep::none}});
+  drive.sweep = choiceOf<SweepDirection>(sweep, {{"ccw", SweepDirection::counter_clockwise},
+                                                 {"cw", SweepDirection::clockwise},
+                                                 {"none", SweepDirection::none}});
   drive.utc_offset_h = numberOf(offset, between(-24, 24));
   if (imu.isSet()) drive.p_body_imu_m = Eigen::Vector3d(numbersOf(imu, 3).data());
   if (origin.isSet()) {

@@ -4,6 +4,7 @@
 #include <iostream>
 
 #include "cli/app.h"
+#include "cli/odometry_text.h"
 #include "core/errors.h"
 
 namespace raceloc {
@@ -18,8 +19,8 @@ SYNOPSIS
   raceloc-live -c INI --odometry-only -i RACE.rawlog --trajectory ODOMETRY.tum
 
 DESCRIPTION
-  Plays a log through the localizer, as fast as it goes: each LiDAR sweep is de-skewed and matched against
-  the map's tiles around the car, and a Bayesian gate decides which of scan match and GPS/INS the filter
+  Plays a log through the localizer, as fast as it goes: each LiDAR sweep is de-skewed, those of several
+  LiDARs are merged and matched against the map's tiles around the car, and a Bayesian gate decides which of scan match and GPS/INS the filter
   believes. Writes the estimate as a TUM file and as an annotated rawlog for RawLogViewer: the estimate as
   CObservationRobotPose with covariance and as the only odometry, the gate's numbers as CObservationRawDAQ
   labelled gate, and at each sweep a CObservation3DScene with car, scan, sources and verdicts.
@@ -50,7 +51,7 @@ void print(const ReplayReport& r) {
   if (r.dropped_late > 0)
     std::printf("dropped          %zu samples, late beyond the window or not finite\n", r.dropped_late);
   if (r.passed_over > 0)
-    std::printf("passed over      %zu sweeps, not later than the one before\n", r.passed_over);
+    std::printf("passed over      %zu sweeps, which ended before the estimate's time\n", r.passed_over);
   printFaults(r.faults);
   if (r.without_wheels > 0)
     std::printf("DEGRADED         %zu outputs without speed and yaw rate: the last ones went on\n",
@@ -71,14 +72,7 @@ void print(const ReplayReport& r) {
 
 void print(const OdometryReport& r) {
   std::printf("device           %s\n", r.device_reason.c_str());
-  std::printf("recording        %.1f s, %.0f m, %zu scans (%zu trusted, %zu de-skewed by wheel speed)\n",
-              r.recorded_s, r.length_m, r.scans, r.trusted_scans, r.scans_by_wheels);
-  printFaults(r.faults);
-  if (r.passed_over > 0)
-    std::printf("passed over      %zu scans, not later than the one before\n", r.passed_over);
-  if (r.restarts > 0) std::printf("LOST             %zu times for good, and began anew\n", r.restarts);
-  if (r.dropped_late > 0)
-    std::printf("dropped          %zu samples, late beyond the window or not finite\n", r.dropped_late);
+  printOdometry(r.odometry, r.recorded_s, r.dropped_late);
   const auto learnt = [&](const char* what, int k, double per_unit, const char* unit) {
     std::printf("%-16s %.4f +- %.4f %s\n", what, r.calibration(k) / per_unit,
                 r.calibration_sigma(k) / per_unit, unit);

@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "cli/app.h"
+#include "cli/odometry_text.h"
 #include "core/errors.h"
 
 namespace raceloc {
@@ -20,10 +21,11 @@ SYNOPSIS
   raceloc-map -c INI -o MAP.rlmap SURVEY.rawlog
 
 DESCRIPTION
-  Reads a survey log, de-skews each LiDAR sweep by speed and yaw rate, registers it (VGICP) against the
-  map so far, ties the key poses to the GPS in a pose graph, and writes the map: one SQLite file, and
-  beside it MAP.simplemap (robot-map-gui) and MAP.3Dscene (SceneViewer3D). Files appear under their
-  names when they are whole; an interrupted run leaves what was there before.
+  Reads a survey log, de-skews each LiDAR sweep by the car's motion, merges those of several LiDARs,
+  registers them (VGICP) against the map so far, ties the key poses to the GPS in a pose graph, and
+  writes the map: one SQLite file, and beside it MAP.simplemap (robot-map-gui) and MAP.3Dscene
+  (SceneViewer3D). Files appear under their names when they are whole; an interrupted run leaves what
+  was there before.
 
 EXAMPLES
   raceloc-map -c ini/map.ini -o monza.rlmap survey.rawlog
@@ -40,17 +42,7 @@ std::string besides(const std::string& map_path, const std::string& extension) {
 
 void print(const MapReport& r, const MapInfo& info) {
   std::printf("device           %s\n", r.device_reason.c_str());
-  std::printf("recording        %.1f s, %.0f m, %zu scans (%zu trusted, %zu de-skewed by wheel speed)\n",
-              r.recorded_s, r.length_m, r.scans, r.trusted_scans, r.scans_by_wheels);
-  printFaults(r.faults);
-  if (r.passed_over > 0)
-    std::printf("passed over      %zu scans, not later than the one before\n", r.passed_over);
-  if (r.restarts > 0)
-    std::printf(
-        "LOST             the LiDAR odometry was lost %zu times for good and began anew by dead reckoning\n",
-        r.restarts);
-  if (r.dropped_late > 0)
-    std::printf("dropped          %zu samples, late beyond the window or not finite\n", r.dropped_late);
+  printOdometry(r.odometry, r.recorded_s, r.dropped_late);
   std::printf("scan match       residual %.3f m across the surface, inlier share %.2f (medians)\n",
               r.match_residual_m, r.match_inlier_share);
   std::printf("pose graph       %zu key poses, %zu with GPS, %zu with INS attitude; cost %.4g -> %.4g%s\n",

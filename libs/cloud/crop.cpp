@@ -1,7 +1,5 @@
 #include "cloud/crop.h"
 
-#include <cmath>
-
 namespace raceloc {
 
 void CropOptions::describe(OptionList& keys) {
@@ -12,12 +10,9 @@ void CropOptions::describe(OptionList& keys) {
   keys.add("own_car_half_width_m", own_car_half_width_m, atLeast(0), "box of the own car, to each side [m]");
 }
 
-bool isInside(const Eigen::Vector3f& p_lidar_m, const Eigen::Vector3f& p_body_m, const CropOptions& o) {
-  const double range_m = p_lidar_m.cast<double>().norm();
-  if (!(range_m >= o.min_range_m && range_m <= o.max_range_m)) return false;  // NaN too
-  const bool own_car = p_body_m.x() > -o.own_car_rear_m && p_body_m.x() < o.own_car_front_m &&
-                       std::abs(p_body_m.y()) < o.own_car_half_width_m;
-  return !own_car;
+gpu::Crop CropOptions::forKernels() const {
+  const auto f = [](double x) { return static_cast<float>(x); };
+  return {f(min_range_m), f(max_range_m), f(own_car_front_m), f(own_car_rear_m), f(own_car_half_width_m)};
 }
 
 }  // namespace raceloc

@@ -3,11 +3,15 @@
 #pragma once
 
 #include <string>
+#include <vector>
 
 namespace raceloc {
 
 /** Whether `label` matches a shell pattern (`gps_*`, `lidar_?`), or one of several separated by blanks or
  * commas. */
 [[nodiscard]] bool matchesLabel(const std::string& patterns, const std::string& label);
+
+/** Those of the patterns that are labels, without wildcards: devices that someone counts on. */
+[[nodiscard]] std::vector<std::string> labelsNamed(const std::string& patterns);
 
 }  // namespace raceloc

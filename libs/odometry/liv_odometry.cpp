@@ -69,20 +69,17 @@ Fused fused(const Pose& predicted, const Matrix6d& P, const Registration& match)
 
 }  // namespace
 
-OdometryStep LivOdometry::add(const Scan& scan, MotionHistory& history) {
+OdometryStep LivOdometry::add(const Sweep& sweep, MotionHistory& history) {
   OdometryStep step{};
-  const double end_s = endOfSweep(scan);
-  const auto sweep = history.sweep(scan.stamp_s, end_s);
-  step.by_wheels = sweep && history.hasWheels(end_s);
-  DeskewedScan deskewed =
-      deskew(scan, sweep ? *sweep : steadySweep(velocityOf(x_last_motion), end_s - scan.stamp_s), x_crop);
-  step.stamp_s = deskewed.stamp_s;
+  const auto poses = history.sweep(sweep.begin_s, sweep.end_s);
+  step.by_wheels = poses && history.hasWheels(sweep.end_s);
+  step.stamp_s = sweep.end_s;
   if (x_last_stamp_s && step.stamp_s <= *x_last_stamp_s)
     throw std::invalid_argument("LivOdometry: scans must come in order of time");
 
-  step.scan =
-      withCovariances(x_context, voxelGrid(x_context, deskewed.cloud, x_options.scan_voxel_m), x_covariance);
-  step.full_scan = std::move(deskewed.cloud);
+  step.scan = prepare(x_context, sweep,
+                      poses ? *poses : steadySweep(velocityOf(x_last_motion), sweep.end_s - sweep.begin_s),
+                      x_crop, x_options.scan_voxel_m, x_covariance, &step.full_scan);
   step.match.T_target_source = Pose::Identity();
   step.trusted = !step.scan.cloud.empty();
   if (x_last_stamp_s) {

@@ -5,6 +5,7 @@
 #include <raceloc/gpu/voxel_map.h>
 
 #include <optional>
+#include <utility>
 
 #include "cloud/crop.h"
 #include "cloud/deskew.h"
@@ -41,10 +42,12 @@ class LivOdometry {
   LivOdometry(gpu::Context& context, const OdometryOptions& options, const CropOptions& crop,
               const CovarianceOptions& covariance, const GicpOptions& gicp);
 
-  /** The next scan, later than the one before. `history` must reach to the end of its sweep to be of use;
-   * without it the motion between the last two scans goes on. What is matched calibrates it. \throws std::invalid_argument if the scan's end
-   * is not later than the last one's. */
-  OdometryStep add(const Scan& scan, MotionHistory& history);
+  /** The next sweep, which ends later than the one before. `history` must reach to its end to be of use; without it the motion
+   * between the last two sweeps goes on. What is matched calibrates it. \throws std::invalid_argument if the end is not
+   * later than the last one's. */
+  OdometryStep add(const Sweep& sweep, MotionHistory& history);
+  /** Of one LiDAR alone. */
+  OdometryStep add(Scan scan, MotionHistory& history) { return add(sweepOf({std::move(scan)}), history); }
 
  private:
   /** The scan in the local map, from a guess. */

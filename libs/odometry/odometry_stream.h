@@ -2,8 +2,7 @@
  * Samples in, odometry out: what mapping and localization without a map have in common. */
 #pragma once
 
-#include <map>
-#include <string>
+#include <utility>
 #include <vector>
 
 #include "core/samples.h"
@@ -12,32 +11,37 @@
 
 namespace raceloc {
 
+/** What the scans of a run came to, those of several LiDARs counted as one where they are matched as one. */
+struct OdometryTally {
+  std::size_t scans = 0, trusted = 0, restarts = 0;
+  std::size_t by_wheels = 0;  ///< guess and de-skew by the wheels
+  double length_m = 0;
+  FaultCounts
+      faults;  ///< sources that were dropped and the scans that did without them; scans that were passed over
+};
+
 /** One sample at a time to odometry steps, each when the motion of its sweep is known. */
 class OdometryStream {
  public:
-  OdometryStream(MotionHistory history, LivOdometry odometry)
-      : x_history(std::move(history)), x_odometry(std::move(odometry)) {}
+  OdometryStream(MotionHistory history, LivOdometry odometry, ScanQueue queue = ScanQueue())
+      : x_history(std::move(history)), x_odometry(std::move(odometry)), x_queue(std::move(queue)) {}
 
-  /** In order of time; fixes and INS poses are not for this. \throws InputError as ScanQueue::push() does. */
+  /** In order of time; fixes and INS poses are not for this. */
   [[nodiscard]] std::vector<OdometryStep> add(Sample sample);
   [[nodiscard]] std::vector<OdometryStep> finish();  ///< what still waits, at the end of the stream
 
   [[nodiscard]] const MotionHistory& history() const { return x_history; }
-  [[nodiscard]] std::size_t passedOver() const {
-    return x_passed_over;
-  }  ///< scans not later than the one before
-  /** Sources that were dropped, by name and why, with the number of scans that did without them. */
-  [[nodiscard]] const std::map<std::string, std::size_t>& faults() const { return x_faults; }
+  [[nodiscard]] const OdometryTally& tally() const { return x_tally; }
 
  private:
-  void process(const Scan& scan, std::vector<OdometryStep>& steps);
+  void process(const Sweep& sweep, std::vector<OdometryStep>& steps);
+  void tellFaults(double now_s);
 
   MotionHistory x_history;
   LivOdometry x_odometry;
   ScanQueue x_queue;
-  std::optional<double> x_last_s;
-  std::size_t x_passed_over = 0;
-  std::map<std::string, std::size_t> x_faults;
+  double x_now_s = 0;
+  OdometryTally x_tally;
 };
 
 }  // namespace raceloc

@@ -6,6 +6,7 @@
 
 #include "cloud/deskew.h"
 #include "cloud/voxel_grid.h"
+#include "core/labels.h"
 
 namespace raceloc {
 
@@ -60,27 +61,28 @@ void LocalizerPolicy::describe(OptionList& keys) {
 Localizer::Localizer(gpu::Context& context, const MapFile& map, const LocalizerOptions& options)
     : x_history(options.matching.motion, options.matching.calibration),
       x_context(context),
+      x_queue(labelsNamed(options.matching.log.lidar_labels)),
       x_options(options),
       x_window(context, map, options.matching.registration.voxel_size_m, options.policy.map_radius_m) {}
 
 std::vector<LocalizerOutput> Localizer::add(const Sample& sample) {
   std::vector<LocalizerOutput> outputs;
   std::visit([&](const auto& s) { take(s, outputs); }, sample);
-  while (const auto scan = x_queue.pop(x_history, stampOf(sample))) process(*scan, outputs);
+  while (const auto sweep = x_queue.pop(x_history, stampOf(sample))) process(*sweep, outputs);
   return outputs;
 }
 
 std::vector<LocalizerOutput> Localizer::finish() {
   std::vector<LocalizerOutput> outputs;
-  while (const auto scan = x_queue.popAny()) process(*scan, outputs);
+  while (const auto sweep = x_queue.popAny()) process(*sweep, outputs);
   return outputs;
 }
 
-void Localizer::process(const Scan& scan, std::vector<LocalizerOutput>& outputs) {
+void Localizer::process(const Sweep& sweep, std::vector<LocalizerOutput>& outputs) {
   if (!started())
-    tryStart(scan, outputs);
-  else if (endOfSweep(scan) > x_stamp_s)
-    outputs.push_back(matchScan(scan));
+    tryStart(sweep, outputs);
+  else if (sweep.end_s > x_stamp_s)
+    outputs.push_back(matchSweep(sweep));
   else
     ++x_passed_over;
 }
@@ -163,8 +165,8 @@ void Localizer::considerStart(const GpsFix& fix, const PoseFix& body) {
     start(fix.stamp_s, T, {fix.stamp_s, fix.label, false, 0});
 }
 
-void Localizer::tryStart(const Scan& scan, std::vector<LocalizerOutput>& outputs) {
-  const double end_s = endOfSweep(scan);
+void Localizer::tryStart(const Sweep& sweep, std::vector<LocalizerOutput>& outputs) {
+  const double end_s = sweep.end_s;
   if (!x_start_place) return;
   // A sweep is looked at when its motion is known: the newest fix may be a little younger than its end.
   const double fix_s = x_start_place->stamp_s;
@@ -175,7 +177,7 @@ void Localizer::tryStart(const Scan& scan, std::vector<LocalizerOutput>& outputs
   if (!x_window.moveTo(T_guess.translation().head<2>())) return;
 
   const GicpOptions& gicp = x_options.matching.registration;
-  const CovarianceCloud source = prepared(scan);
+  const CovarianceCloud source = prepared(sweep);
   const Registration match =
       alignWithSearch(x_context, source, x_window.target(), T_guess, gicp, x_options.search);
   if (!match.trusted(gicp)) return;
@@ -242,23 +244,19 @@ std::vector<PoseFix> Localizer::takeFixes() {
   return fixes;
 }
 
-CovarianceCloud Localizer::prepared(const Scan& scan) {
-  const double end_s = endOfSweep(scan);
-  const auto sweep = x_history.sweep(scan.stamp_s, end_s);
+CovarianceCloud Localizer::prepared(const Sweep& sweep) {
+  const auto poses = x_history.sweep(sweep.begin_s, sweep.end_s);
   Vector6d last = Vector6d::Zero();
   last(2) = x_last_rates.yaw_rate_rps;
   last(3) = x_last_rates.speed_mps;
-  const DeskewedScan deskewed =
-      deskew(scan, sweep ? *sweep : steadySweep(last, end_s - scan.stamp_s), x_options.matching.crop);
-  return withCovariances(x_context,
-                         voxelGrid(x_context, deskewed.cloud, x_options.matching.odometry.scan_voxel_m),
-                         x_options.matching.covariance);
+  const MatchingOptions& o = x_options.matching;
+  return prepare(x_context, sweep, poses ? *poses : steadySweep(last, sweep.end_s - sweep.begin_s), o.crop,
+                 o.odometry.scan_voxel_m, o.covariance);
 }
 
-LocalizerOutput Localizer::matchScan(const Scan& scan) {
-  const double end_s = endOfSweep(scan);
-  predictTo(end_s);
-  const CovarianceCloud source = prepared(scan);
+LocalizerOutput Localizer::matchSweep(const Sweep& sweep) {
+  predictTo(sweep.end_s);
+  const CovarianceCloud source = prepared(sweep);
 
   std::vector<PoseFix> fixes = takeFixes();
   std::optional<ScanMatch> scan_match;
@@ -268,7 +266,7 @@ LocalizerOutput Localizer::matchScan(const Scan& scan) {
     scan_match = ScanMatch{match, match.trusted(x_options.matching.registration), source.cloud};
     if (scan_match->trusted) fixes.push_back(planarFix(match));
   }
-  return decide(end_s, std::move(fixes), std::move(scan_match));
+  return decide(sweep.end_s, std::move(fixes), std::move(scan_match));
 }
 
 LocalizerOutput Localizer::decide(double stamp_s, std::vector<PoseFix> fixes,
@@ -298,7 +296,7 @@ LocalizerOutput Localizer::decide(double stamp_s, std::vector<PoseFix> fixes,
   return out;
 }
 
-LocalizerOutput Localizer::output() const {
+LocalizerOutput Localizer::output() {
   const CarState state = x_filter->state();
   const Pose T = withPlanar(x_T_map_body, state.mean(0), state.mean(1), state.mean(2));
   // Height, roll and pitch have the last match's errors; before the first one, what a start leaves open.
@@ -319,7 +317,9 @@ LocalizerOutput Localizer::output() const {
   const Eigen::Vector2d cross = R * state.covariance.block<2, 1>(0, 2);
   covariance.block<2, 1>(3, 2) = cross;
   covariance.block<1, 2>(2, 3) = cross.transpose();
-  return {x_stamp_s, T, covariance, x_by_wheels, x_history.faults(), {}, std::nullopt, std::nullopt};
+  FaultCounts faults = x_queue.takeFaults(x_stamp_s);
+  for (const std::string& fault : x_history.faults()) ++faults[fault];
+  return {x_stamp_s, T, covariance, x_by_wheels, std::move(faults), {}, std::nullopt, std::nullopt};
 }
 
 }  // namespace raceloc

@@ -48,7 +48,7 @@ struct StartReport {
   double match_to_fix_m;  ///< horizontal distance between the two; 0 without a match
 };
 
-/** One LiDAR sweep held against the map. */
+/** One sweep, of one LiDAR or several, held against the map. */
 struct ScanMatch {
   Registration match;
   bool trusted;
@@ -61,7 +61,7 @@ struct LocalizerOutput {
   Pose T_map_body;
   Matrix6d covariance;  ///< right increment (rad, m); height, roll and pitch from the last trusted match
   bool by_wheels;       ///< false: speed and yaw rate were missing and the last ones went on
-  std::vector<std::string> faults;       ///< sources of motion that were dropped, and why
+  FaultCounts faults;   ///< of sources and scans, since the last output
   std::vector<PoseFix> fixes;            ///< what the sources said, carried forward to stamp_s
   std::optional<GateDecision> decision;  ///< none: dead reckoning, no source was due
   std::optional<ScanMatch> scan_match;   ///< when a sweep was matched
@@ -113,7 +113,7 @@ class Localizer {
   /** Keeps the fix as the place to look for the car; starts from it alone when patience is at an end. */
   void considerStart(const GpsFix& fix, const PoseFix& body);
   /** Looks for the car around the fix of considerStart(). */
-  void tryStart(const Scan& scan, std::vector<LocalizerOutput>& outputs);
+  void tryStart(const Sweep& sweep, std::vector<LocalizerOutput>& outputs);
   void start(double stamp_s, const Pose& T_map_body, StartReport report);
   /** The car's motion by its wheels; where they say nothing, at the last speed and yaw rate. */
   [[nodiscard]] BodyMotion motionBetween(double from_s, double to_s) const;
@@ -121,13 +121,13 @@ class Localizer {
   void predictTo(double stamp_s);
   [[nodiscard]] LocalizerOutput decide(double stamp_s, std::vector<PoseFix> fixes,
                                        std::optional<ScanMatch> scan_match);
-  [[nodiscard]] LocalizerOutput matchScan(const Scan& scan);
-  void process(const Scan& scan, std::vector<LocalizerOutput>& outputs);
-  [[nodiscard]] CovarianceCloud prepared(const Scan& scan);
+  [[nodiscard]] LocalizerOutput matchSweep(const Sweep& sweep);
+  void process(const Sweep& sweep, std::vector<LocalizerOutput>& outputs);
+  [[nodiscard]] CovarianceCloud prepared(const Sweep& sweep);
   /** Of each receiver the newest unused fix that is not newer than the filter's time, carried forward to it,
    * if it is young enough; it and all older ones count as used. */
   [[nodiscard]] std::vector<PoseFix> takeFixes();
-  [[nodiscard]] LocalizerOutput output() const;
+  [[nodiscard]] LocalizerOutput output();
 
   struct StartPlace {
     double first_fix_s;  ///< when waiting began

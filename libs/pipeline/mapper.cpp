@@ -8,7 +8,6 @@
 
 #include "cloud/voxel_grid.h"
 #include "core/errors.h"
-#include "core/labels.h"
 #include "core/statistics.h"
 #include "pipeline/device_watch.h"
 
@@ -95,32 +94,26 @@ class Survey {
   void add(Sample sample) {
     if (const auto* fix = std::get_if<GpsFix>(&sample)) receivers[fix->label].fixes.push_back(*fix);
     if (const auto* pose = std::get_if<InsPose>(&sample)) receivers[pose->label].poses.push_back(*pose);
-    for (OdometryStep& step : x_stream.add(std::move(sample))) take(std::move(step));
+    for (const OdometryStep& step : x_stream.add(std::move(sample))) take(step);
   }
   void finish() {
-    for (OdometryStep& step : x_stream.finish()) take(std::move(step));
+    for (const OdometryStep& step : x_stream.finish()) take(step);
   }
-  [[nodiscard]] const OdometryStream& stream() const { return x_stream; }
+  [[nodiscard]] const OdometryTally& tally() const { return x_stream.tally(); }
 
   std::vector<Keyframe> keyframes;
   std::vector<Cloud> key_clouds;  ///< body frame, thinned to the map's spacing
   std::map<std::string, ReceiverTrack> receivers;
   Trajectory odometry;
-  std::size_t scans = 0, trusted = 0, by_wheels = 0, restarts = 0;
-  double length_m = 0;
   std::vector<double> residuals_m, inlier_shares;
 
  private:
-  void take(OdometryStep step) {
-    ++scans;
-    if (step.trusted) ++trusted;
-    if (step.by_wheels) ++by_wheels;
-    if (step.restarted) ++restarts;
-    if (step.trusted && scans > 1) {
+  void take(const OdometryStep& step) {
+    if (step.trusted && !odometry.poses.empty()) {  // the first one has nothing to match
+
       residuals_m.push_back(step.match.residual_m);
       inlier_shares.push_back(step.match.inlier_share);
     }
-    length_m += step.since_last.T_start_end.translation().norm();
     odometry.poses.push_back({step.stamp_s, step.T_odom_body});
 
     x_since_key = then(x_since_key, step.since_last);
@@ -161,14 +154,11 @@ Cloud inMap(const std::vector<Cloud>& clouds, const std::vector<Pose>& poses) {
   return all;
 }
 
-void requireOneLidar(const LogSummary& summary, const std::string& patterns) {
-  requireDevice(summary, "lidar", patterns);
-  std::vector<std::string> matching;
-  for (const auto& device : summary.devices)
-    if (device.kind == "lidar" && matchesLabel(patterns, device.label)) matching.push_back(device.label);
-  if (matching.size() > 1)
-    throw InputError("rawlog " + summary.path + ": several LiDARs match '" + patterns + "' (" +
-                     listed(matching) + "); name one with lidar_labels in section [log]");
+/** "; LiDAR lidar_top: empty scan (72 times)". */
+std::string listed(const FaultCounts& faults) {
+  std::string text;
+  for (const auto& [fault, times] : faults) text += "; " + fault + " (" + std::to_string(times) + " times)";
+  return text;
 }
 
 }  // namespace
@@ -177,7 +167,7 @@ BuiltMap buildMap(const std::string& log_path, const MapperOptions& options, con
                   const std::function<void(double)>& progress) {
   const LogOptions& log = options.matching.log;
   const LogSummary summary = summarizeRawlog(log_path);
-  requireOneLidar(summary, log.lidar_labels);
+  requireDevice(summary, "lidar", log.lidar_labels);
   if (log.gps_labels != "*") requireDevice(summary, "gps", log.gps_labels);
   if (log.vehicle_labels != "*") requireDevice(summary, "vehicle", log.vehicle_labels);
   requireOneClock(summary, log);
@@ -194,11 +184,11 @@ BuiltMap buildMap(const std::string& log_path, const MapperOptions& options, con
   }
   survey.finish();
   if (survey.keyframes.size() < 2)
-    throw InputError("rawlog " + log_path + ": the car passes only " +
-                     std::to_string(survey.keyframes.size()) + " key pose(s), with " +
-                     std::to_string(survey.trusted) + " of " + std::to_string(survey.scans) +
-                     " scans trusted; a map needs two or more " +
-                     std::to_string(options.map.keyframe_distance_m) + " m apart");
+    throw InputError(
+        "rawlog " + log_path + ": the car passes only " + std::to_string(survey.keyframes.size()) +
+        " key pose(s), with " + std::to_string(survey.tally().trusted) + " of " +
+        std::to_string(survey.tally().scans) + " scans trusted; a map needs two or more " +
+        std::to_string(options.map.keyframe_distance_m) + " m apart" + listed(survey.tally().faults));
 
   std::size_t attitude_factors = 0;
   if (const ReceiverTrack* receiver = mainReceiver(survey.receivers))
@@ -235,14 +225,11 @@ BuiltMap buildMap(const std::string& log_path, const MapperOptions& options, con
         {survey.keyframes[i].stamp_s, graph.T_map_body[i], std::move(survey.key_clouds[i])});
   }
   built.report = {context.reason(),
-                  survey.scans,
-                  survey.trusted,
-                  survey.by_wheels,
+                  survey.tally(),
                   survey.keyframes.size(),
                   graph.gps_factors,
                   attitude_factors,
                   summary.last_s - summary.first_s,
-                  survey.length_m,
                   quantile(survey.residuals_m, 0.5),
                   quantile(survey.inlier_shares, 0.5),
                   graph.gps_rmse_m,
@@ -252,10 +239,7 @@ BuiltMap buildMap(const std::string& log_path, const MapperOptions& options, con
                   wallThickness(all),
                   thinned.cloud.size(),
                   built.tiles.tiles().size(),
-                  reader.droppedLate(),
-                  survey.restarts,
-                  survey.stream().passedOver(),
-                  survey.stream().faults()};
+                  reader.droppedLate()};
   progress(1.0);
   return built;
 }

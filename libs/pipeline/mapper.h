@@ -3,7 +3,6 @@
 #pragma once
 
 #include <functional>
-#include <map>
 #include <optional>
 #include <string>
 #include <vector>
@@ -42,15 +41,15 @@ struct MapperOptions {
 /** What went in and how well it fits. */
 struct MapReport {
   std::string device_reason;
-  std::size_t scans, trusted_scans, scans_by_wheels, key_poses, gps_factors, attitude_factors;
-  double recorded_s, length_m;
+  OdometryTally odometry;
+  std::size_t key_poses, gps_factors, attitude_factors;
+  double recorded_s;
   double match_residual_m;    ///< median over the trusted scans, distance of pairs across their surface
   double match_inlier_share;  ///< median
   double gps_rmse_m, graph_initial_cost, graph_final_cost;
   bool graph_converged;
   WallThickness walls;
-  std::size_t points, tiles, dropped_late, restarts, passed_over;
-  std::map<std::string, std::size_t> faults;  ///< of the sources of motion; scans that did without them
+  std::size_t points, tiles, dropped_late;
 };
 
 struct BuiltMap {
@@ -65,8 +64,7 @@ struct BuiltMap {
 /** Runs the whole chain on one log: read, de-skew, odometry, pose graph with GPS, tiles. Key scans are kept
  * in memory, thinned to the map's spacing. A log without GPS gives a map without georeference, in the frame
  * of its first pose. \param progress  called with 0..1 \throws InputError for a log that cannot be read, has
- * no LiDAR of the configured label or several of them, fewer than two scans, or a pattern that matches no
- * device. */
+ * no LiDAR of the configured labels, fewer than two scans, or a pattern that matches no device. */
 [[nodiscard]] BuiltMap buildMap(const std::string& log_path, const MapperOptions& options,
                                 const std::string& tool_version, const std::function<void(double)>& progress);
 

@@ -1,5 +1,7 @@
 #include "pipeline/matching_options.h"
 
+#include "core/labels.h"
+
 namespace raceloc {
 
 void DeviceOptions::describe(OptionList& keys) {
@@ -32,7 +34,8 @@ std::string MatchingOptions::iniText() const {
 
 OdometryStream odometryStream(gpu::Context& context, const MatchingOptions& o) {
   return {MotionHistory(o.motion, o.calibration),
-          LivOdometry(context, o.odometry, o.crop, o.covariance, o.registration)};
+          LivOdometry(context, o.odometry, o.crop, o.covariance, o.registration),
+          ScanQueue(labelsNamed(o.log.lidar_labels))};
 }
 
 }  // namespace raceloc

@@ -81,7 +81,7 @@ class Tally {
       ++x_report.dead_reckoned;
     }
     if (!output.by_wheels) ++x_report.without_wheels;
-    for (const std::string& fault : output.faults) ++x_report.faults[fault];
+    for (const auto& [fault, times] : output.faults) x_report.faults[fault] += times;
     if (!output.scan_match) return;
     ++x_report.scans;
     if (!output.scan_match->trusted) return;
@@ -190,14 +190,8 @@ OdometryReport replayOdometry(const std::string& log_path, const ReplayOptions& 
   LogReader reader(log_path, matching.log);
   OdometryReport report{};
   const auto hand = [&](const std::vector<OdometryStep>& steps) {
-    for (const OdometryStep& step : steps) {
-      ++report.scans;
-      report.trusted_scans += step.trusted ? 1 : 0;
-      report.scans_by_wheels += step.by_wheels ? 1 : 0;
-      report.restarts += step.restarted ? 1 : 0;
-      report.length_m += step.since_last.T_start_end.translation().norm();
+    for (const OdometryStep& step : steps)
       report.trajectory.poses.push_back({step.stamp_s, step.T_odom_body});
-    }
   };
   while (auto sample = reader.next()) {
     progress(reader.progress());
@@ -211,9 +205,8 @@ OdometryReport replayOdometry(const std::string& log_path, const ReplayOptions& 
   const MotionCalibration& calibration = stream.history().calibration();
   report.device_reason = context.reason();
   report.recorded_s = summary.last_s - summary.first_s;
-  report.passed_over = stream.passedOver();
+  report.odometry = stream.tally();
   report.dropped_late = reader.droppedLate();
-  report.faults = stream.faults();
   report.calibration = calibration.mean();
   report.calibration_sigma = calibration.covariance().diagonal().cwiseSqrt();
   return report;

@@ -3,7 +3,6 @@
 #pragma once
 
 #include <functional>
-#include <map>
 #include <optional>
 #include <string>
 
@@ -35,8 +34,8 @@ struct ReplayReport {
   std::optional<StartReport> start;
   std::size_t scans, trusted_matches, outputs, dead_reckoned, alarms, disabled_samples, dropped_late,
       tile_loads, without_wheels, passed_over;
-  std::size_t rule_counts[5];                 ///< decisions by GateRule; [0] is unused
-  std::map<std::string, std::size_t> faults;  ///< of the sources of motion; outputs that did without them
+  std::size_t rule_counts[5];  ///< decisions by GateRule; [0] is unused
+  FaultCounts faults;          ///< outputs that did without a source; scans that were passed over
   double match_residual_m, match_inlier_share, match_iterations;  ///< medians over the trusted matches
   double match_p99_s, match_median_s;  ///< wall time from a sweep's samples to its pose
   Trajectory trajectory;
@@ -53,9 +52,9 @@ struct ReplayReport {
 /** What odometry without a map tells. */
 struct OdometryReport {
   std::string device_reason;
-  double recorded_s, length_m;
-  std::size_t scans, trusted_scans, scans_by_wheels, restarts, passed_over, dropped_late;
-  std::map<std::string, std::size_t> faults;  ///< of the sources of motion; scans that did without them
+  double recorded_s;
+  OdometryTally odometry;
+  std::size_t dropped_late;
   CalibrationVector calibration, calibration_sigma;
   Trajectory trajectory;  ///< in the frame of the first scan's body
 };

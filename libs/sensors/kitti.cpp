@@ -198,11 +198,11 @@ std::vector<ScanFile> findScans(const KittiRawDrive& drive) {
   return scans;
 }
 
-std::vector<float> timesOfPoints(const Cloud& cloud, double duration_s, Sweep sweep) {
+std::vector<float> timesOfPoints(const Cloud& cloud, double duration_s, SweepDirection sweep) {
   std::vector<float> times_s;
-  if (sweep == Sweep::none) return times_s;
+  if (sweep == SweepDirection::none) return times_s;
   times_s.reserve(cloud.size());
-  const double sign = sweep == Sweep::counter_clockwise ? 1 : -1;
+  const double sign = sweep == SweepDirection::counter_clockwise ? 1 : -1;
   for (std::size_t i = 0; i < cloud.size(); ++i) {
     const double turned_rad = sign * std::atan2(cloud.y[i], cloud.x[i]) + M_PI;
     times_s.push_back(static_cast<float>(turned_rad / (2 * M_PI) * duration_s));

@@ -11,7 +11,7 @@
 namespace raceloc {
 
 /** Which way the LiDAR turns, seen from above; `none`: write no times of points. */
-enum class Sweep { counter_clockwise, clockwise, none };
+enum class SweepDirection { counter_clockwise, clockwise, none };
 
 /** A raw drive, `DATE/DATE_drive_NNNN_sync`, with `calib_imu_to_velo.txt` in the folder above it.
  *
@@ -36,7 +36,7 @@ struct KittiRawDrive {
   Decimation decimation;  ///< by the number in the scan's file name
   /** Measured on drive 2011_09_26_0013: mapped with clockwise times it has 682 flat pieces of wall, with
    * counter-clockwise ones 433 and without times 477, and it fits the GPS best. */
-  Sweep sweep = Sweep::clockwise;
+  SweepDirection sweep = SweepDirection::clockwise;
   double utc_offset_h = 2;  ///< of the stamps, which are local time without a zone: CEST
   /** From figure 3 of the paper: the IMU is 0.93 m above ground, the wheels' axles 0.30 m; the IMU is 0.05 m
    * before the rear axle and 0.32 m left of the middle, where the LiDAR is. */

@@ -90,7 +90,9 @@ std::string nameOf(const std::string& kind) {
 }  // namespace
 
 void LogOptions::describe(OptionList& keys) {
-  keys.add("lidar_labels", lidar_labels, "LiDARs to use: shell patterns, separated by blanks");
+  keys.add("lidar_labels", lidar_labels,
+           "LiDARs to use, several merged: shell patterns, separated by blanks; one that is named in full is "
+           "missed when it never delivers");
   keys.add("gps_labels", gps_labels, "GPS receivers to use, with their INS poses");
   keys.add("imu_labels", imu_labels, "IMUs to use");
   keys.add("vehicle_labels", vehicle_labels, "sources of speed, yaw rate and steering to use");

@@ -65,14 +65,16 @@ TEST(ScanQueue, WaitsForTheMotionOfTheSweepButNotForever) {
   MotionHistory history({});
   ScanQueue queue;
   Scan scan{1.0, "lidar", Pose::Identity(), {}, {0.0F, 0.1F}, {}};
+  for (int i = 0; i < 2; ++i) scan.cloud.push({10, 0, 0});
   queue.push(scan);
   history.add(motionAt(1.0, 10, 0));
   EXPECT_FALSE(queue.pop(history, 1.0));
   history.add(motionAt(1.2, 10, 0));
   EXPECT_TRUE(queue.pop(history, 1.2));
+  scan.stamp_s = 1.1;
   queue.push(scan);
-  EXPECT_FALSE(queue.pop(MotionHistory({}), 1.3));
-  EXPECT_TRUE(queue.pop(MotionHistory({}), 1.5));  // 0.4 s after its end nobody will tell any more
+  EXPECT_FALSE(queue.pop(MotionHistory({}), 1.4));
+  EXPECT_TRUE(queue.pop(MotionHistory({}), 1.6));  // 0.4 s after its end nobody will tell any more
   EXPECT_TRUE(queue.empty());
 }
 

@@ -134,6 +134,7 @@ TEST_F(LocalizerTest, WhenTheLidarStopsTheGpsCarriesOn) {
       [](Sample& sample, Random&) { return stampOf(sample) < 1 || !std::holds_alternative<Scan>(sample); });
   EXPECT_NEAR(outputs.back().stamp_s, kEnd_s, 0.06);
   EXPECT_LT(worstError_m(outputs), 0.15);  // 3 sigma of 2 cm on two axes, on top of the last match
+  EXPECT_EQ(outputs.back().faults.count("LiDAR lidar: silent"), 1U);
 }
 
 TEST_F(LocalizerTest, WhenAllSourcesStopItDeadReckons) {

@@ -731,7 +731,7 @@ TEST_F(KittiTest, DevicesAndFrames) {
 }
 
 TEST_F(KittiTest, TimesFollowTheSweep) {
-  drive.sweep = Sweep::counter_clockwise;
+  drive.sweep = SweepDirection::counter_clockwise;
   static_cast<void>(import());
   const auto scans = only<Scan>(readAll(in("x.rawlog")));
   ASSERT_EQ(scans.size(), 2U);
@@ -744,12 +744,12 @@ TEST_F(KittiTest, TimesFollowTheSweep) {
   const std::vector<double> share{0.5, 0.75, 1, 0.25};
   for (std::size_t i = 0; i < 4; ++i) EXPECT_NEAR(scans[0].time_s[i], 0.1 * share[i], kStep + 2e-6);
 
-  drive.sweep = Sweep::clockwise;
+  drive.sweep = SweepDirection::clockwise;
   static_cast<void>(import("cw.rawlog"));
   const auto clockwise = only<Scan>(readAll(in("cw.rawlog")));
   for (std::size_t i = 0; i < 4; ++i) EXPECT_NEAR(clockwise[0].time_s[i], 0.1 * (1 - share[i]), kStep + 2e-6);
 
-  drive.sweep = Sweep::none;
+  drive.sweep = SweepDirection::none;
   static_cast<void>(import("none.rawlog"));
   EXPECT_THAT(only<Scan>(readAll(in("none.rawlog")))[0].time_s, IsEmpty());
 }
