@@ -83,4 +83,19 @@ PeerMatch peerGicp(const PeerPoints& target, const PeerTree& tree, const PeerPoi
   return toMatch(SerialGicp().align(*target.cloud, *source.cloud, tree.tree, guess));
 }
 
+PeerOdometry::PeerOdometry(double scan_voxel_m, double map_voxel_m)
+    : x_scan_voxel_m(scan_voxel_m),
+      x_map(std::make_unique<PeerMap>(PeerMap{small_gicp::GaussianVoxelMap(map_voxel_m)})) {}
+
+PeerOdometry::~PeerOdometry() = default;
+
+Pose PeerOdometry::add(const PeerPoints& scan, const Pose& guess) {
+  const auto points = peerVoxelGrid(scan, x_scan_voxel_m);
+  (void)peerCovariances(points);
+  const Pose T = x_empty ? guess : peerVgicp(*x_map, *points, guess).T_target_source;
+  x_map->map.insert(*points->cloud, T);
+  x_empty = false;
+  return T;
+}
+
 }  // namespace raceloc::bench

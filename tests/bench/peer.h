@@ -62,4 +62,19 @@ struct PeerMatch {
 [[nodiscard]] PeerMatch peerGicp(const PeerPoints& target, const PeerTree& tree, const PeerPoints& source,
                                  const Pose& guess);
 
+/** The peer's scan-to-model odometry: thinned, covariances, VGICP against a voxel map that takes every scan where it was
+ * matched. The map starts empty and forgets nothing within 100 scans. */
+class PeerOdometry {
+ public:
+  PeerOdometry(double scan_voxel_m, double map_voxel_m);
+  ~PeerOdometry();
+  /** \return the pose of the scan in the frame of the first, where it is inserted */
+  Pose add(const PeerPoints& scan, const Pose& guess);
+
+ private:
+  double x_scan_voxel_m;
+  std::unique_ptr<PeerMap> x_map;
+  bool x_empty = true;
+};
+
 }  // namespace raceloc::bench
