@@ -68,7 +68,9 @@ void MotionHistory::add(const MotionSample& sample) {
   const TyreForces tyres = tyreForces(sample.stamp_s, sample.speed_mps, sample.yaw_rate_rps);
   const CalibrationVector& c = x_calibration.mean();
   const double scale = 1 + c(kWheelScale) - c(kTraction) * tyres.along_mps2;
-  x_wheels_refused = !x_speed_check.accept(sample.stamp_s, scale * sample.speed_mps, sigma_mps, force_mps2);
+  x_wheels_refused = !x_speed_check.accept(sample.stamp_s, scale * sample.speed_mps, sigma_mps, force_mps2,
+                                           sample.speed_mps == x_last_wheel_mps);
+  x_last_wheel_mps = sample.speed_mps;
   // What is refused is filled in as measured: the calibration's scale applies to it as well.
   x_speed.add(sample.stamp_s,
               x_wheels_refused

@@ -119,7 +119,7 @@ class MotionHistory {
   TimeSeries<Eigen::Vector2d>
       x_speed;  ///< measured or, where it was refused or silent, likely [m/s]; its variance
   TimeSeries<double> x_vehicle_yaw_rate_rps, x_steering_rad;
-  std::optional<double> x_last_imu_s, x_last_wheels_s, x_same_gyro_since_s;
+  std::optional<double> x_last_imu_s, x_last_wheels_s, x_last_wheel_mps, x_same_gyro_since_s;
   Eigen::Vector3d x_last_gyro_rps = Eigen::Vector3d::Zero();
   int x_same_gyro = 0;
   std::string x_imu_label, x_vehicle_label;

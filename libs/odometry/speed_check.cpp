@@ -17,7 +17,7 @@ constexpr int kAgreedForLong = 10;
 }  // namespace
 
 bool SpeedCheck::accept(double stamp_s, double wheel_mps, double wheel_sigma_mps,
-                        std::optional<double> force_mps2) {
+                        std::optional<double> force_mps2, bool repeated) {
   const double variance = wheel_sigma_mps * wheel_sigma_mps;
   if (!x_last_s) {
     x_mean << wheel_mps, 0;
@@ -32,7 +32,7 @@ bool SpeedCheck::accept(double stamp_s, double wheel_mps, double wheel_sigma_mps
   x_agreed_in_a_row = chance < kAgreement ? x_agreed_in_a_row + 1 : 0;
   x_refusing = x_refusing ? x_agreed_in_a_row < kAgreedForLong : chance > kBeyondChance;
   if (x_refusing) return false;
-  update(wheel_mps, variance);
+  if (!repeated) update(wheel_mps, variance);
   return true;
 }
 

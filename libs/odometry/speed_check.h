@@ -10,12 +10,15 @@ namespace raceloc {
 
 /** The speed that force and scan matches make likely: a Kalman filter over speed and the error of the force along the car
  * (bias, grade). A wheel speed beyond chance (locked, spinning, frozen) is refused; wheels that were refused are believed
- * again only when they have agreed well for a while, because what is likely becomes vague without them. */
+ * again only when they have agreed well for a while, because what is likely becomes vague without them. A number that repeats
+ * is no new measurement: a frozen speed would pull what is likely along with it. */
 class SpeedCheck {
  public:
   /** The next wheel speed, in order of time. \param force_mps2 along the car, mean since the last one; none: unknown
+   * \param repeated the same number as the one before
    * \return whether it may be believed; a refused one leaves the filter as it was */
-  bool accept(double stamp_s, double wheel_mps, double wheel_sigma_mps, std::optional<double> force_mps2);
+  bool accept(double stamp_s, double wheel_mps, double wheel_sigma_mps, std::optional<double> force_mps2,
+              bool repeated);
 
   /** A speed by other means, of an instant not long before the last wheel speed. */
   void observe(double speed_mps, double sigma_mps);

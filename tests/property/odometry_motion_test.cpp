@@ -101,6 +101,30 @@ INSTANTIATE_TEST_SUITE_P(That, MotionHistoryWithWheelFault,
                          ::testing::Values(WheelFault{"locks", 0}, WheelFault{"spins", 1.2}),
                          [](const auto& fault) { return std::string(fault.param.name); });
 
+TEST(MotionHistory, RefusesASpeedThatFreezesWhenTheCarBrakes) {
+  forAll(10, [](Random& rnd) {
+    const Cruise car{rnd.uniform(50, 70), 0};
+    const double braking_mps2 = rnd.uniform(3, 10);
+    MotionHistory history(plainMotion(), plainCalibration());
+    MotionSample wheels = car.wheels(0, 0);
+    for (int i = 0; i <= 400; ++i) {
+      const double t = 0.01 * i;
+      ImuSample imu = car.imu(t, rnd);
+      if (t > 2) imu.specific_force_body_mps2.x() -= braking_mps2;
+      history.add(imu);
+      if (t <= 2) wheels.speed_mps = car.speed_mps + rnd.normal(0.05);
+      wheels.stamp_s = t;
+      history.add(wheels);
+      if (i == 200) {
+        EXPECT_THAT(history.faults(), IsEmpty());
+      }
+    }
+    EXPECT_THAT(history.faults(), ElementsAre(HasSubstr("vehicle: wheel speed")));
+    // Two seconds by a force whose error is not known to better than 0.5 m/s^2.
+    EXPECT_NEAR(history.ratesAt(4)->twist(3), car.speed_mps - 2 * braking_mps2, 1);
+  });
+}
+
 TEST(MotionHistory, DoesNotTireOfRefusingWheelsThatSpinForLong) {
   Random rnd(4);
   const Cruise car{28, 0};
