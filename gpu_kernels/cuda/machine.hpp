@@ -17,6 +17,8 @@ class CudaMachine {
  public:
   template <class T>
   using Array = DeviceArray<T>;
+  template <class T>
+  using HostArray = PinnedArray<T>;
 
   explicit CudaMachine(int device) : x_device(device) {
     select();

@@ -2,6 +2,7 @@
  * The backend of a machine that runs the kernels: which one when, on which arrays. CUDA and the emulator of the
  * tests share it. A Machine has
  *   Array<T>: room(n), data(); upload(machine, rows, n); download(machine, n, from), by the next wait() at host()
+ *   HostArray<T>: room(n), where kernels write and the host reads after the next wait()
  *   launch(name, blocks, threads, kernel, arguments...), wait(), select(), device(), description()
  *   sortPairs(SortBuffers&, n, bits), numberRuns(SortBuffers&, n)
  * The host keeps the master of every voxel map. */
@@ -69,6 +70,8 @@ class DeviceBackend : public BackendBase {
       if (there.host()[i] != 3 * i + 1)
         throw DeviceError("test launch: a wrong answer from " + x_machine.description());
     }
+    const std::uint32_t none = 0;
+    x_blocks_done.upload(x_machine, {&none}, 1);
   }
 
   [[nodiscard]] Backend kind() const override { return Backend::cuda; }
@@ -119,6 +122,8 @@ class DeviceBackend : public BackendBase {
  private:
   template <class T>
   using Array = typename Machine::template Array<T>;
+  template <class T>
+  using HostArray = typename Machine::template HostArray<T>;
 
   class Passes : public PassRunner {
    public:
@@ -135,7 +140,6 @@ class DeviceBackend : public BackendBase {
       x_spare = on.x_pairs[1].room(pairs);
       x_blocks = blocksFor(source.size, kPassThreads);
       on.x_partials.room(static_cast<std::size_t>(x_blocks) * kSums);
-      on.x_sums.room(kSums);
     }
 
     Pass run(const Transform& T_map_source) override {
@@ -144,12 +148,11 @@ class DeviceBackend : public BackendBase {
       Machine& machine = x_on.x_machine;
       machine.select();
       x_input.setup = passSetup(T_map_source, x_voxel_size_m, x_options);
-      machine.launch("vgicpPass", {x_blocks}, kPassThreads, vgicpPass, x_input, x_on.x_partials.data());
-      machine.launch("addPartials", {1}, simt::kWarp, addPartials, x_on.x_partials.data(), x_blocks,
-                     x_on.x_sums.data());
-      x_on.x_sums.download(machine, kSums);
+      double* sums = x_on.x_sums.room(kSums);
+      machine.launch("vgicpPass", {x_blocks}, kPassThreads, vgicpPass, x_input, x_on.x_partials.data(),
+                     x_on.x_blocks_done.data(), sums);
       machine.wait();
-      std::copy(x_on.x_sums.host(), x_on.x_sums.host() + kSums, pass.sums.begin());
+      std::copy(sums, sums + kSums, pass.sums.begin());
       return pass;
     }
 
@@ -304,7 +307,9 @@ class DeviceBackend : public BackendBase {
   Array<Run> x_runs;
   Array<std::int32_t> x_neighbours;
   std::array<Array<std::int32_t>, 2> x_pairs;
-  Array<double> x_partials, x_sums;
+  Array<double> x_partials;
+  Array<std::uint32_t> x_blocks_done;  ///< one counter, 0 between launches
+  HostArray<double> x_sums;
   std::optional<Passes> x_passes;
 };
 

@@ -53,6 +53,8 @@ class Machine {
  public:
   template <class T>
   using Array = emu::Array<T>;
+  template <class T>
+  using HostArray = emu::Array<T>;
 
   /** \param seed  of the order of threads; takes the place of a device's number */
   explicit Machine(int seed) : x_seed(seed) {}
