@@ -41,8 +41,11 @@ class CudaMachine {
     checkCuda(cudaGetLastError(), name);
   }
 
+  template <class Key>
   void sortPairs(SortBuffers<CudaMachine>& buffers, std::uint32_t n, int bits);
-  void numberRuns(SortBuffers<CudaMachine>& buffers, std::uint32_t n);
+  template <class Key>
+  void numberRuns(SortBuffers<CudaMachine>& buffers, const SortedKeys<Key>& sorted);
+  void numberFlags(SortBuffers<CudaMachine>& buffers, std::uint32_t n);
 
  private:
   int x_device;

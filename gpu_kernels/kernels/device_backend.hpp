@@ -4,7 +4,7 @@
  *   Array<T>: room(n), data(); upload(machine, rows, n); download(machine, n, from), by the next wait() at host()
  *   HostArray<T>: room(n), where kernels write and the host reads after the next wait()
  *   launch(name, blocks, threads, kernel, arguments...), wait(), select(), device(), description()
- *   sortPairs(SortBuffers&, n, bits), numberRuns(SortBuffers&, n)
+ *   sortPairs<Key>(SortBuffers&, n, bits), numberRuns(SortBuffers&, SortedKeys), numberFlags(SortBuffers&, n)
  * The host keeps the master of every voxel map. */
 #pragma once
 
@@ -174,7 +174,7 @@ class DeviceBackend : public BackendBase {
     return pointRows(x_points.upload(x_machine, {p.x, p.y, p.z}, p.size), p.size);
   }
 
-  /** The scan in x_moved, NaN where a point is dropped; x_sort.heads says which are kept. */
+  /** The scan in x_moved, NaN where a point is dropped; x_sort.flags says which are kept. */
   PointsView moved(const DeskewJob& job) {
     const auto n = static_cast<std::uint32_t>(job.scan.size);
     const PointsOut to = pointRows(x_moved.room(kPointRows * n), n);
@@ -184,7 +184,7 @@ class DeviceBackend : public BackendBase {
     here.steps = x_steps.upload(x_machine, {job.steps}, job.step_count);
     if (job.time_s != nullptr) here.time_s = x_times.upload(x_machine, {job.time_s}, n);
     x_machine.launch("deskewPoints", {blocksFor(n, kDeskewThreads)}, kDeskewThreads, deskewPoints, here, to,
-                     x_sort.heads.room(n));
+                     x_sort.flags.room(n));
     return to.view(n);
   }
 
@@ -192,11 +192,11 @@ class DeviceBackend : public BackendBase {
   Deskewed compacted(const PointsView& scan) {
     const auto n = static_cast<std::uint32_t>(scan.size);
     if (n == 0) return {};
-    x_machine.numberRuns(x_sort, n);
+    x_machine.numberFlags(x_sort, n);
     const std::uint32_t kept = lastNumber(n);
     const PointsOut to = pointRows(x_kept.room(kPointRows * kept), kept);
     x_machine.launch("compact", {blocksFor(n, kDeskewThreads)}, kDeskewThreads, compact, scan,
-                     x_sort.heads.data(), x_sort.numbers.data(),
+                     x_sort.flags.data(), x_sort.numbers.data(),
                      DeskewedOut{to.x, to.y, to.z, x_sort.order.room(kept)});
     x_sort.order.download(x_machine, kept);
     Points points = fetched(x_kept, kept);
@@ -210,13 +210,16 @@ class DeviceBackend : public BackendBase {
     dropped = n - box.kept;
     if (box.kept == 0) return {};
     const KeyLayout layout = KeyLayout::of(box.low, box.high);
-    x_machine.launch("voxelKeys", {blocksFor(n, kRunThreads)}, kRunThreads, voxelKeys, p, layout,
-                     voxel_size_m, x_sort.keys.room(n), x_sort.order.room(n));
-    x_machine.sortPairs(x_sort, n, layout.bits + 1);  // one bit more: dropped points come last
-    numberRuns(box.kept);
-    x_machine.launch("listRuns", {blocksFor(box.kept, kRunThreads)}, kRunThreads, listRuns,
-                     x_sort.heads.data(), x_sort.numbers.data(), box.kept, x_first.room(box.kept + 1));
-    const std::uint32_t voxels = lastNumber(box.kept);
+    withKey(layout, [&](auto key) {
+      using Key = decltype(key);
+      x_machine.launch("voxelKeys", {blocksFor(n, kRunThreads)}, kRunThreads, voxelKeys<Key>, p, layout,
+                       voxel_size_m, x_sort.template keys<Key>().mixed.room(n), x_sort.order.room(n));
+      const SortedKeys<Key> sorted =
+          sortedKeys<Key>(layout, n, layout.bits + 1);  // one bit more: dropped points come last
+      x_machine.launch("listRuns", {blocksFor(n, kRunThreads)}, kRunThreads, listRuns<Key>, sorted,
+                       x_sort.numbers.data(), x_first.room(box.kept + 1));
+    });
+    const std::uint32_t voxels = lastNumber(n);
     x_machine.launch("centroids", {blocksFor(std::size_t{simt::kWarp} * voxels, kRunThreads)}, kRunThreads,
                      centroids, p, x_sort.order_sorted.data(), x_first.data(), voxels,
                      pointRows(x_thinned.room(kPointRows * voxels), voxels));
@@ -227,23 +230,26 @@ class DeviceBackend : public BackendBase {
   Covariances covariancesOf(const PointsView& p, const NeighbourGrid& grid,
                             const CovarianceOptions& options) {
     const auto n = static_cast<std::uint32_t>(p.size);
-    x_machine.launch("cellKeys", {blocksFor(n, kRunThreads)}, kRunThreads, cellKeys, p, grid,
-                     x_sort.keys.room(n), x_sort.order.room(n));
-    x_machine.sortPairs(x_sort, n, grid.layout.bits);
-    numberRuns(n);
-    const std::uint32_t cells = lastNumber(n);
-    const PointsOut sorted = pointRows(x_sorted.room(kPointRows * n), n);
-    x_machine.launch("listCells", {blocksFor(n, kRunThreads)}, kRunThreads, listCells, p,
-                     x_sort.keys_sorted.data(), x_sort.order_sorted.data(), x_sort.numbers.data(),
-                     x_cell_keys.room(cells), x_first.room(cells), sorted);
-    const std::size_t rows = static_cast<std::size_t>(cells) * kRowsAround;
-    x_machine.launch("findRuns", {blocksFor(rows, kRunThreads)}, kRunThreads, findRuns, grid,
-                     x_cell_keys.data(), x_first.data(), cells, n, x_runs.room(rows));
+    const PointsOut sorted_points = pointRows(x_sorted.room(kPointRows * n), n);
+    withKey(grid.layout, [&](auto key) {
+      using Key = decltype(key);
+      x_machine.launch("cellKeys", {blocksFor(n, kRunThreads)}, kRunThreads, cellKeys<Key>, p, grid,
+                       x_sort.template keys<Key>().mixed.room(n), x_sort.order.room(n));
+      const SortedKeys<Key> sorted = sortedKeys<Key>(grid.layout, n, grid.layout.bits);
+      const std::uint32_t cells = lastNumber(n);
+      Key* cell_keys = x_sort.template keys<Key>().mixed.room(cells);
+      x_machine.launch("listCells", {blocksFor(n, kRunThreads)}, kRunThreads, listCells<Key>, p, sorted,
+                       x_sort.order_sorted.data(), x_sort.numbers.data(), cell_keys, x_first.room(cells),
+                       sorted_points);
+      const std::size_t rows = static_cast<std::size_t>(cells) * kRowsAround;
+      x_machine.launch("findRuns", {blocksFor(rows, kRunThreads)}, kRunThreads, findRuns<Key>, grid,
+                       cell_keys, x_first.data(), cells, n, x_runs.room(rows));
+    });
     const CovariancesOut out =
         covarianceRows(x_covariances.room(kCovarianceRows * n), n, x_neighbours.room(n));
     withWeight<float>(options, [&](const auto& weightOf) {
       x_machine.launch("covarianceOfPoints", {blocksFor(n, kCovarianceThreads)}, kCovarianceThreads,
-                       covarianceOfPoints<std::decay_t<decltype(weightOf)>>, sorted.view(n),
+                       covarianceOfPoints<std::decay_t<decltype(weightOf)>>, sorted_points.view(n),
                        x_sort.order_sorted.data(), x_sort.numbers.data(), x_runs.data(),
                        CovarianceSetup::of(options), weightOf, out);
     });
@@ -279,14 +285,17 @@ class DeviceBackend : public BackendBase {
     return all;
   }
 
-  /** Of the first n sorted keys. */
-  void numberRuns(std::uint32_t n) {
-    x_machine.launch("markHeads", {blocksFor(n, kRunThreads)}, kRunThreads, markHeads,
-                     x_sort.keys_sorted.data(), n, x_sort.heads.room(n));
-    x_machine.numberRuns(x_sort, n);
+  /** Sorts n keys by their lowest bits and numbers their runs. */
+  template <class Key>
+  SortedKeys<Key> sortedKeys(const KeyLayout& layout, std::uint32_t n, int bits) {
+    x_machine.template sortPairs<Key>(x_sort, n, bits);
+    const SortedKeys<Key> sorted{x_sort.template keys<Key>().sorted.data(), n,
+                                 static_cast<Key>(Key{1} << layout.bits)};
+    x_machine.numberRuns(x_sort, sorted);
+    return sorted;
   }
 
-  /** How many heads there are. */
+  /** How many there are. */
   std::uint32_t lastNumber(std::uint32_t n) {
     x_sort.numbers.download(x_machine, 1, n - 1);
     x_machine.wait();
@@ -302,7 +311,6 @@ class DeviceBackend : public BackendBase {
   Array<SweepStep> x_steps;
   SortBuffers<Machine> x_sort;
   Array<VoxelBox> x_boxes;
-  Array<std::uint64_t> x_cell_keys;
   Array<std::uint32_t> x_first;  ///< of each run
   Array<Run> x_runs;
   Array<std::int32_t> x_neighbours;

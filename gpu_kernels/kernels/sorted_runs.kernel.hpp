@@ -7,6 +7,7 @@
 #include "core/voxel_grid.hpp"
 #include "kernels/rows.hpp"
 #include "kernels/simt.hpp"
+#include "kernels/sort_buffers.hpp"
 
 namespace raceloc::gpu {
 
@@ -37,37 +38,32 @@ voxelBoxes(PointsView p, double voxel_size_m, VoxelBox* boxes) {
   if (simt::lane() == 0) boxes[first / simt::kWarp] = box;
 }
 
+template <class Key>
 RACELOC_KERNEL(kRunThreads)
-voxelKeys(PointsView p, KeyLayout layout, double voxel_size_m, std::uint64_t* keys, std::uint32_t* order) {
+voxelKeys(PointsView p, KeyLayout layout, double voxel_size_m, Key* keys, std::uint32_t* order) {
   const std::uint32_t i = simt::globalThread();
   if (i >= p.size) return;
-  keys[i] = voxelKey(layout, voxel_size_m, p.x[i], p.y[i], p.z[i]);
+  keys[i] = static_cast<Key>(voxelKey(layout, voxel_size_m, p.x[i], p.y[i], p.z[i]));
   order[i] = i;
 }
 
+template <class Key>
 RACELOC_KERNEL(kRunThreads)
-cellKeys(PointsView p, NeighbourGrid grid, std::uint64_t* keys, std::uint32_t* order) {
+cellKeys(PointsView p, NeighbourGrid grid, Key* keys, std::uint32_t* order) {
   const std::uint32_t i = simt::globalThread();
   if (i >= p.size) return;
-  keys[i] = grid.layout.key(grid.cell(p.x[i], p.y[i], p.z[i]));
+  keys[i] = static_cast<Key>(grid.layout.key(grid.cell(p.x[i], p.y[i], p.z[i])));
   order[i] = i;
 }
 
-/** heads[k] = 1 where a run begins; their inclusive sum numbers the runs from 1. */
+/** first[r] is where run r begins, and behind the last one where it ends. */
+template <class Key>
 RACELOC_KERNEL(kRunThreads)
-markHeads(const std::uint64_t* keys, std::uint32_t n, std::uint32_t* heads) {
+listRuns(SortedKeys<Key> sorted, const std::uint32_t* numbers, std::uint32_t* first) {
   const std::uint32_t k = simt::globalThread();
-  if (k >= n) return;
-  heads[k] = k == 0 || keys[k] != keys[k - 1] ? 1 : 0;
-}
-
-/** first[r] is where run r begins, and behind the last one `n`. */
-RACELOC_KERNEL(kRunThreads)
-listRuns(const std::uint32_t* heads, const std::uint32_t* numbers, std::uint32_t n, std::uint32_t* first) {
-  const std::uint32_t k = simt::globalThread();
-  if (k >= n) return;
-  if (heads[k] != 0) first[numbers[k] - 1] = k;
-  if (k == n - 1) first[numbers[k]] = n;
+  if (!sorted.isKept(k)) return;
+  if (sorted(k) != 0) first[numbers[k] - 1] = k;
+  if (!sorted.isKept(k + 1)) first[numbers[k]] = k + 1;
 }
 
 /** One warp a run: each lane adds every 32nd point, then the lanes are added as a tree. */
@@ -99,23 +95,25 @@ centroids(PointsView p, const std::uint32_t* order, const std::uint32_t* first, 
 }
 
 /** Compact list of cells: key and first point of each; the points themselves in cell order. */
+template <class Key>
 RACELOC_KERNEL(kRunThreads)
-listCells(PointsView p, const std::uint64_t* keys, const std::uint32_t* order, const std::uint32_t* numbers,
-          std::uint64_t* cell_keys, std::uint32_t* cell_first, PointsOut sorted) {
+listCells(PointsView p, SortedKeys<Key> sorted, const std::uint32_t* order, const std::uint32_t* numbers,
+          Key* cell_keys, std::uint32_t* cell_first, PointsOut points) {
   const std::uint32_t k = simt::globalThread();
   if (k >= p.size) return;
   const std::uint32_t i = order[k];
-  sorted.x[k] = p.x[i];
-  sorted.y[k] = p.y[i];
-  sorted.z[k] = p.z[i];
-  if (k == 0 || keys[k] != keys[k - 1]) {
-    cell_keys[numbers[k] - 1] = keys[k];
+  points.x[k] = p.x[i];
+  points.y[k] = p.y[i];
+  points.z[k] = p.z[i];
+  if (sorted(k) != 0) {
+    cell_keys[numbers[k] - 1] = sorted.keys[k];
     cell_first[numbers[k] - 1] = k;
   }
 }
 
 /** First of `n` ascending keys that is not below `key`. */
-RACELOC_DEVICE std::uint32_t lowerBound(const std::uint64_t* keys, std::uint32_t n, std::uint64_t key) {
+template <class Key>
+RACELOC_DEVICE std::uint32_t lowerBound(const Key* keys, std::uint32_t n, std::uint64_t key) {
   std::uint32_t first = 0;
   for (std::uint32_t left = n; left > 0;) {
     const std::uint32_t half = left / 2;
@@ -127,9 +125,10 @@ RACELOC_DEVICE std::uint32_t lowerBound(const std::uint64_t* keys, std::uint32_t
 }
 
 /** One thread a cell and row: the run of points in the three cells of the row. */
+template <class Key>
 RACELOC_KERNEL(kRunThreads)
-findRuns(NeighbourGrid grid, const std::uint64_t* cell_keys, const std::uint32_t* cell_first,
-         std::uint32_t cells, std::uint32_t points, Run* runs) {
+findRuns(NeighbourGrid grid, const Key* cell_keys, const std::uint32_t* cell_first, std::uint32_t cells,
+         std::uint32_t points, Run* runs) {
   const std::uint32_t i = simt::globalThread();
   if (i >= cells * kRowsAround) return;
   const std::uint64_t low = grid.rowKey(cell_keys[i / kRowsAround], static_cast<int>(i % kRowsAround));

@@ -218,6 +218,13 @@ TEST(EmulatedBackend, PreparesAsInSteps) {
   EXPECT_EQ(emulated.prepare(empty, 0.5, {}, nullptr).points.size(), 0U);
 }
 
+TEST(EmulatedBackend, CountsNeighboursThatAreFarApart) {
+  Points p = hall(2, 100);
+  push(p, 1e6, -1e6, 1e6);  // keys of more than 32 bits
+  const Covariances expected = makeCpuBackend(1)->covariances(p.view(), {});
+  EXPECT_EQ(Emulated(1).covariances(p.view(), {}).neighbours, expected.neighbours);
+}
+
 class EmulatedMatch : public ::testing::Test {
  protected:
   EmulatedMatch() { x_table.insert(x_target.view(), x_cpu->covariances(x_target.view(), {}).view(), {}); }
