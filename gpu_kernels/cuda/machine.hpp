@@ -23,8 +23,12 @@ class CudaMachine {
   explicit CudaMachine(int device) : x_device(device) {
     select();
     checkCuda(cudaStreamCreateWithFlags(&x_stream, cudaStreamNonBlocking), "cudaStreamCreateWithFlags");
+    checkCuda(cudaEventCreateWithFlags(&x_mark, cudaEventDisableTiming), "cudaEventCreateWithFlags");
   }
-  ~CudaMachine() { cudaStreamDestroy(x_stream); }
+  ~CudaMachine() {
+    cudaEventDestroy(x_mark);
+    cudaStreamDestroy(x_stream);
+  }
   CudaMachine(const CudaMachine&) = delete;
   CudaMachine& operator=(const CudaMachine&) = delete;
 
@@ -33,6 +37,9 @@ class CudaMachine {
   [[nodiscard]] cudaStream_t stream() const { return x_stream; }
   void select() const { checkCuda(cudaSetDevice(x_device), "cudaSetDevice"); }
   void wait() const { checkCuda(cudaStreamSynchronize(x_stream), "cudaStreamSynchronize"); }
+
+  void mark() const { checkCuda(cudaEventRecord(x_mark, x_stream), "cudaEventRecord"); }
+  void waitForMark() const { checkCuda(cudaEventSynchronize(x_mark), "cudaEventSynchronize"); }
 
   template <class... Parameters, class... Arguments>
   void launch(const CudaCall& name, simt::Grid blocks, int threads, void (*kernel)(Parameters...),
@@ -50,6 +57,7 @@ class CudaMachine {
  private:
   int x_device;
   cudaStream_t x_stream = nullptr;
+  cudaEvent_t x_mark = nullptr;
 };
 
 }  // namespace raceloc::gpu

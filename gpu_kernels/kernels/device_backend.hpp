@@ -2,8 +2,9 @@
  * The backend of a machine that runs the kernels: which one when, on which arrays. CUDA and the emulator of the
  * tests share it. A Machine has
  *   Array<T>: room(n), data(); upload(machine, rows, n); download(machine, n, from), by the next wait() at host()
- *   HostArray<T>: room(n), where kernels write and the host reads after the next wait()
- *   launch(name, blocks, threads, kernel, arguments...), wait(), select(), device(), description()
+ *   HostArray<T>: room(n), where kernels write and the host reads after a wait
+ *   launch(name, blocks, threads, kernel, arguments...), select(), device(), description()
+ *   wait() for all of it; mark() a place, and waitForMark() for all before it
  *   sortPairs<Key>(SortBuffers&, n, bits), numberRuns(SortBuffers&, SortedKeys), numberFlags(SortBuffers&, n)
  * The host keeps the master of every voxel map. */
 #pragma once
@@ -13,7 +14,6 @@
 #include <optional>
 #include <string>
 #include <utility>
-#include <vector>
 
 #include "api/voxel_table.hpp"
 #include "core/backend.hpp"
@@ -86,13 +86,21 @@ class DeviceBackend : public BackendBase {
 
   Points voxelGrid(const PointsView& points, double voxel_size_m, std::size_t& dropped) override {
     x_machine.select();
-    return thinned(upload(points), voxel_size_m, dropped);
+    const PointsView p = upload(points);
+    const VoxelBox box = boxOf(p, voxel_size_m);
+    dropped = points.size - box.kept;
+    if (box.kept == 0) return {};
+    const std::uint32_t n = thinned(p, voxel_size_m, KeyLayout::of(box.low, box.high));
+    x_thinned.download(x_machine, kPointRows * n);
+    x_machine.wait();
+    return pointsOf(x_thinned, n);
   }
 
   Covariances covariances(const PointsView& points, const CovarianceOptions& options) override {
     if (points.size == 0) return {};
     x_machine.select();
-    return covariancesOf(upload(points), NeighbourGrid::over(points, options.radius_m), options);
+    startCovariances(upload(points), NeighbourGrid::over(points, options.radius_m), options);
+    return covariancesOf(points.size);
   }
 
   PreparedScan prepare(const DeskewJob& job, double voxel_size_m, const CovarianceOptions& options,
@@ -100,13 +108,26 @@ class DeviceBackend : public BackendBase {
     x_machine.select();
     const PointsView scan = moved(job);
     if (full != nullptr) *full = compacted(scan);
-    std::size_t dropped = 0;
+    if (scan.size == 0) return {};
+    Vec3<double> high_m = reach_m(job), low_m = -1.0 * high_m;
+    std::optional<KeyLayout> layout = narrowLayout(low_m, high_m, voxel_size_m);
+    if (!layout) {
+      const VoxelBox box = boxOf(scan, voxel_size_m);
+      if (box.kept == 0) return {};
+      layout = KeyLayout::of(box.low, box.high);
+      low_m = voxel_size_m * Vec3<double>{box.low.x - 1.0, box.low.y - 1.0, box.low.z - 1.0};
+      high_m = voxel_size_m * Vec3<double>{box.high.x + 2.0, box.high.y + 2.0, box.high.z + 2.0};
+    }
+    const std::uint32_t n = thinned(scan, voxel_size_m, *layout);
+    if (n == 0) return {};
+    x_thinned.download(x_machine, kPointRows * n);
+    x_machine.mark();
+    startCovariances(pointRows(x_thinned.data(), n).view(n),
+                     NeighbourGrid::over(low_m, high_m, options.radius_m), options);
+    x_machine.waitForMark();
     PreparedScan out;
-    out.points = thinned(scan, voxel_size_m, dropped);
-    if (out.points.size() == 0) return out;
-    const std::size_t n = out.points.size();
-    out.covariances = covariancesOf(pointRows(x_thinned.data(), n).view(n),
-                                    NeighbourGrid::over(out.points.view(), options.radius_m), options);
+    out.points = pointsOf(x_thinned, n);
+    out.covariances = covariancesOf(n);
     return out;
   }
 
@@ -193,23 +214,36 @@ class DeviceBackend : public BackendBase {
     const auto n = static_cast<std::uint32_t>(scan.size);
     if (n == 0) return {};
     x_machine.numberFlags(x_sort, n);
-    const std::uint32_t kept = lastNumber(n);
+    x_sort.numbers.download(x_machine, 1, n - 1);
+    x_machine.wait();
+    const std::uint32_t kept = *x_sort.numbers.host();
     const PointsOut to = pointRows(x_kept.room(kPointRows * kept), kept);
     x_machine.launch("compact", {blocksFor(n, kDeskewThreads)}, kDeskewThreads, compact, scan,
                      x_sort.flags.data(), x_sort.numbers.data(),
                      DeskewedOut{to.x, to.y, to.z, x_sort.order.room(kept)});
     x_sort.order.download(x_machine, kept);
-    Points points = fetched(x_kept, kept);
-    return {std::move(points), rowOf(x_sort.order.host(), kept)};
+    x_kept.download(x_machine, kPointRows * kept);
+    x_machine.wait();
+    return {pointsOf(x_kept, kept), rowOf(x_sort.order.host(), kept)};
   }
 
-  /** One point a voxel, here and in x_thinned. \param p  on the device */
-  Points thinned(const PointsView& p, double voxel_size_m, std::size_t& dropped) {
+  /** Keys of 32 bits, if they are wide enough for the voxels of a box. */
+  static std::optional<KeyLayout> narrowLayout(const Vec3<double>& low_m, const Vec3<double>& high_m,
+                                               double voxel_size_m) {
+    Cell low{}, high{};
+    if (!cellOf(low_m.x, low_m.y, low_m.z, voxel_size_m, low) ||
+        !cellOf(high_m.x, high_m.y, high_m.z, voxel_size_m, high))
+      return std::nullopt;
+    const KeyLayout layout = KeyLayout::of(low, high);
+    if (!fits<std::uint32_t>(layout)) return std::nullopt;
+    return layout;
+  }
+
+  /** One point a voxel in x_thinned; the last of them may still be on their way. \return how many \param p  on the
+   * device, at least one point \param layout  of a box with all their voxels */
+  std::uint32_t thinned(const PointsView& p, double voxel_size_m, const KeyLayout& layout) {
     const auto n = static_cast<std::uint32_t>(p.size);
-    const VoxelBox box = boxOf(p, voxel_size_m);
-    dropped = n - box.kept;
-    if (box.kept == 0) return {};
-    const KeyLayout layout = KeyLayout::of(box.low, box.high);
+    std::uint32_t* voxels = x_count.room(1);
     withKey(layout, [&](auto key) {
       using Key = decltype(key);
       x_machine.launch("voxelKeys", {blocksFor(n, kRunThreads)}, kRunThreads, voxelKeys<Key>, p, layout,
@@ -217,18 +251,20 @@ class DeviceBackend : public BackendBase {
       const SortedKeys<Key> sorted =
           sortedKeys<Key>(layout, n, layout.bits + 1);  // one bit more: dropped points come last
       x_machine.launch("listRuns", {blocksFor(n, kRunThreads)}, kRunThreads, listRuns<Key>, sorted,
-                       x_sort.numbers.data(), x_first.room(box.kept + 1));
+                       x_sort.numbers.data(), x_first.room(n + 1), voxels);
     });
-    const std::uint32_t voxels = lastNumber(n);
-    x_machine.launch("centroids", {blocksFor(std::size_t{simt::kWarp} * voxels, kRunThreads)}, kRunThreads,
-                     centroids, p, x_sort.order_sorted.data(), x_first.data(), voxels,
-                     pointRows(x_thinned.room(kPointRows * voxels), voxels));
-    return fetched(x_thinned, voxels);
+    x_machine.mark();
+    x_machine.launch("centroids",
+                     {std::min(kCentroidBlocks, blocksFor(std::size_t{simt::kWarp} * n, kRunThreads))},
+                     kRunThreads, centroids, p, x_sort.order_sorted.data(), x_first.data(),
+                     x_sort.numbers.data() + (n - 1), x_thinned.room(kPointRows * n));
+    x_machine.waitForMark();
+    return *voxels;
   }
 
-  /** \param p  on the device, at least one point \param grid  over them */
-  Covariances covariancesOf(const PointsView& p, const NeighbourGrid& grid,
-                            const CovarianceOptions& options) {
+  /** Launches what leaves covariances in x_covariances and x_neighbours. \param p  on the device, at least one point
+   * \param grid  over them */
+  void startCovariances(const PointsView& p, const NeighbourGrid& grid, const CovarianceOptions& options) {
     const auto n = static_cast<std::uint32_t>(p.size);
     const PointsOut sorted_points = pointRows(x_sorted.room(kPointRows * n), n);
     withKey(grid.layout, [&](auto key) {
@@ -236,14 +272,13 @@ class DeviceBackend : public BackendBase {
       x_machine.launch("cellKeys", {blocksFor(n, kRunThreads)}, kRunThreads, cellKeys<Key>, p, grid,
                        x_sort.template keys<Key>().mixed.room(n), x_sort.order.room(n));
       const SortedKeys<Key> sorted = sortedKeys<Key>(grid.layout, n, grid.layout.bits);
-      const std::uint32_t cells = lastNumber(n);
-      Key* cell_keys = x_sort.template keys<Key>().mixed.room(cells);
+      Key* cell_keys = x_sort.template keys<Key>().mixed.room(n);
       x_machine.launch("listCells", {blocksFor(n, kRunThreads)}, kRunThreads, listCells<Key>, p, sorted,
-                       x_sort.order_sorted.data(), x_sort.numbers.data(), cell_keys, x_first.room(cells),
+                       x_sort.order_sorted.data(), x_sort.numbers.data(), cell_keys, x_first.room(n),
                        sorted_points);
-      const std::size_t rows = static_cast<std::size_t>(cells) * kRowsAround;
+      const std::size_t rows = std::size_t{n} * kRowsAround;  // at most
       x_machine.launch("findRuns", {blocksFor(rows, kRunThreads)}, kRunThreads, findRuns<Key>, grid,
-                       cell_keys, x_first.data(), cells, n, x_runs.room(rows));
+                       cell_keys, x_first.data(), x_sort.numbers.data() + (n - 1), n, x_runs.room(rows));
     });
     const CovariancesOut out =
         covarianceRows(x_covariances.room(kCovarianceRows * n), n, x_neighbours.room(n));
@@ -255,6 +290,10 @@ class DeviceBackend : public BackendBase {
     });
     x_covariances.download(x_machine, kCovarianceRows * n);
     x_neighbours.download(x_machine, n);
+  }
+
+  /** What startCovariances() left behind. */
+  Covariances covariancesOf(std::size_t n) {
     x_machine.wait();
     const float* C = x_covariances.host();
     return {rowOf(C, n, 0),
@@ -266,10 +305,8 @@ class DeviceBackend : public BackendBase {
             rowOf(x_neighbours.host(), n)};
   }
 
-  Points fetched(Array<float>& points, std::size_t n) {
-    points.download(x_machine, kPointRows * n);
-    x_machine.wait();
-    const float* p = points.host();
+  static Points pointsOf(const Array<float>& downloaded, std::size_t n) {
+    const float* p = downloaded.host();
     return {rowOf(p, n, 0), rowOf(p, n, 1), rowOf(p, n, 2)};
   }
 
@@ -278,10 +315,10 @@ class DeviceBackend : public BackendBase {
     const std::size_t warps = std::size_t{blocks} * (kRunThreads / simt::kWarp);
     VoxelBox all;
     if (blocks == 0) return all;
-    x_machine.launch("voxelBoxes", {blocks}, kRunThreads, voxelBoxes, p, voxel_size_m, x_boxes.room(warps));
-    x_boxes.download(x_machine, warps);
+    VoxelBox* boxes = x_boxes.room(warps);
+    x_machine.launch("voxelBoxes", {blocks}, kRunThreads, voxelBoxes, p, voxel_size_m, boxes);
     x_machine.wait();
-    for (std::size_t w = 0; w < warps; ++w) all.add(x_boxes.host()[w]);
+    for (std::size_t w = 0; w < warps; ++w) all.add(boxes[w]);
     return all;
   }
 
@@ -295,13 +332,6 @@ class DeviceBackend : public BackendBase {
     return sorted;
   }
 
-  /** How many there are. */
-  std::uint32_t lastNumber(std::uint32_t n) {
-    x_sort.numbers.download(x_machine, 1, n - 1);
-    x_machine.wait();
-    return *x_sort.numbers.host();
-  }
-
   Machine x_machine;
   Array<float> x_points, x_times;  ///< the caller's
   Array<float> x_moved, x_kept;    ///< the scan at the end of its sweep; what is kept of it
@@ -310,7 +340,8 @@ class DeviceBackend : public BackendBase {
   Array<float> x_covariances;
   Array<SweepStep> x_steps;
   SortBuffers<Machine> x_sort;
-  Array<VoxelBox> x_boxes;
+  HostArray<VoxelBox> x_boxes;
+  HostArray<std::uint32_t> x_count;
   Array<std::uint32_t> x_first;  ///< of each run
   Array<Run> x_runs;
   Array<std::int32_t> x_neighbours;

@@ -3,16 +3,23 @@
 #pragma once
 
 #include <cstdint>
+#include <limits>
 #include <type_traits>
 
 #include "core/cell.hpp"
 
 namespace raceloc::gpu {
 
-/** Calls `use` with a key of 32 bits where the layout's keys and the one behind them fit: half the bytes to sort. */
+/** Whether the keys of a layout and the one behind them do. */
+template <class Key>
+bool fits(const KeyLayout& layout) {
+  return layout.bits < std::numeric_limits<Key>::digits;
+}
+
+/** Calls `use` with a key of 32 bits where that is enough: half the bytes to sort. */
 template <class Use>
 auto withKey(const KeyLayout& layout, const Use& use) {
-  return layout.bits < 32 ? use(std::uint32_t{}) : use(std::uint64_t{});
+  return fits<std::uint32_t>(layout) ? use(std::uint32_t{}) : use(std::uint64_t{});
 }
 
 /** Sorted keys; those of points that are dropped are not below `end`, and so behind all others. */

@@ -56,42 +56,51 @@ cellKeys(PointsView p, NeighbourGrid grid, Key* keys, std::uint32_t* order) {
   order[i] = i;
 }
 
-/** first[r] is where run r begins, and behind the last one where it ends. */
+/** first[r] is where run r begins, and behind the last one where it ends. \param count  of the runs, on the host */
 template <class Key>
 RACELOC_KERNEL(kRunThreads)
-listRuns(SortedKeys<Key> sorted, const std::uint32_t* numbers, std::uint32_t* first) {
+listRuns(SortedKeys<Key> sorted, const std::uint32_t* numbers, std::uint32_t* first, std::uint32_t* count) {
   const std::uint32_t k = simt::globalThread();
+  if (k == 0 && !sorted.isKept(0)) *count = 0;
   if (!sorted.isKept(k)) return;
   if (sorted(k) != 0) first[numbers[k] - 1] = k;
-  if (!sorted.isKept(k + 1)) first[numbers[k]] = k + 1;
+  if (sorted.isKept(k + 1)) return;
+  first[numbers[k]] = k + 1;
+  *count = numbers[k];
 }
 
-/** One warp a run: each lane adds every 32nd point, then the lanes are added as a tree. */
+/** Blocks of centroids at most: how many runs there are is known to the device alone. */
+inline constexpr std::uint32_t kCentroidBlocks = 1024;
+
+/** One warp a run, then the next one: each lane adds every 32nd point, then the lanes are added as a tree.
+ * \param rows  of as many points as there are runs */
 RACELOC_KERNEL(kRunThreads)
-centroids(PointsView p, const std::uint32_t* order, const std::uint32_t* first, std::uint32_t runs,
-          PointsOut out) {
-  const std::uint32_t run = simt::globalThread() / simt::kWarp;
-  if (run >= runs) return;
-  const std::uint32_t begin = first[run], end = first[run + 1];
-  CentroidSum sum;
-  std::uint32_t k = begin + simt::lane();
-  constexpr std::uint32_t at_once =
-      4;  // so that their loads overlap: voxels beside the sensor hold thousands
-  for (; k + (at_once - 1) * simt::kWarp < end; k += at_once * simt::kWarp) {
-    RACELOC_UNROLL
-    for (std::uint32_t j = 0; j < at_once; ++j) sum.add(p, order[k + j * simt::kWarp]);
+centroids(PointsView p, const std::uint32_t* order, const std::uint32_t* first,
+          const std::uint32_t* run_count, float* rows) {
+  const std::uint32_t runs = *run_count, warps = simt::blocks().x * (kRunThreads / simt::kWarp);
+  const PointsOut out = pointRows(rows, runs);
+  for (std::uint32_t run = simt::globalThread() / simt::kWarp; run < runs; run += warps) {
+    const std::uint32_t begin = first[run], end = first[run + 1];
+    CentroidSum sum;
+    std::uint32_t k = begin + simt::lane();
+    constexpr std::uint32_t at_once =
+        4;  // so that their loads overlap: voxels beside the sensor hold thousands
+    for (; k + (at_once - 1) * simt::kWarp < end; k += at_once * simt::kWarp) {
+      RACELOC_UNROLL
+      for (std::uint32_t j = 0; j < at_once; ++j) sum.add(p, order[k + j * simt::kWarp]);
+    }
+    for (; k < end; k += simt::kWarp) sum.add(p, order[k]);
+    for (int mask = simt::kWarp / 2; mask > 0; mask /= 2) {
+      sum.x += simt::fromLaneXor(sum.x, mask);
+      sum.y += simt::fromLaneXor(sum.y, mask);
+      sum.z += simt::fromLaneXor(sum.z, mask);
+    }
+    if (simt::lane() != 0) continue;
+    const Vec3<float> mean = sum.centroid(end - begin);
+    out.x[run] = mean.x;
+    out.y[run] = mean.y;
+    out.z[run] = mean.z;
   }
-  for (; k < end; k += simt::kWarp) sum.add(p, order[k]);
-  for (int mask = simt::kWarp / 2; mask > 0; mask /= 2) {
-    sum.x += simt::fromLaneXor(sum.x, mask);
-    sum.y += simt::fromLaneXor(sum.y, mask);
-    sum.z += simt::fromLaneXor(sum.z, mask);
-  }
-  if (simt::lane() != 0) return;
-  const Vec3<float> mean = sum.centroid(end - begin);
-  out.x[run] = mean.x;
-  out.y[run] = mean.y;
-  out.z[run] = mean.z;
 }
 
 /** Compact list of cells: key and first point of each; the points themselves in cell order. */
@@ -124,12 +133,12 @@ RACELOC_DEVICE std::uint32_t lowerBound(const Key* keys, std::uint32_t n, std::u
   return first;
 }
 
-/** One thread a cell and row: the run of points in the three cells of the row. */
+/** One thread a cell and row, of as many cells as the device knows of: the run of points in the three cells of the row. */
 template <class Key>
 RACELOC_KERNEL(kRunThreads)
-findRuns(NeighbourGrid grid, const Key* cell_keys, const std::uint32_t* cell_first, std::uint32_t cells,
-         std::uint32_t points, Run* runs) {
-  const std::uint32_t i = simt::globalThread();
+findRuns(NeighbourGrid grid, const Key* cell_keys, const std::uint32_t* cell_first,
+         const std::uint32_t* cell_count, std::uint32_t points, Run* runs) {
+  const std::uint32_t i = simt::globalThread(), cells = *cell_count;
   if (i >= cells * kRowsAround) return;
   const std::uint64_t low = grid.rowKey(cell_keys[i / kRowsAround], static_cast<int>(i % kRowsAround));
   const std::uint32_t first = lowerBound(cell_keys, cells, low), last = lowerBound(cell_keys, cells, low + 3);

@@ -214,6 +214,10 @@ TEST(EmulatedBackend, PreparesAsInSteps) {
     expectSame(full.points, moved_scan.points);
     EXPECT_EQ(full.indices, moved_scan.indices);
   }
+  const auto far = deskewJob(m.scan.view(), m.time_s.data(), m.sweep(), steps, {3, 1e6F, 4, 4, 4});
+  const PreparedScan all = emulated.prepare(far, 0.5, {}, nullptr);  // the range has more than 2^32 voxels
+  expectSame(all.points, emulated.voxelGrid(emulated.deskew(far).points.view(), 0.5, dropped));
+  EXPECT_EQ(all.covariances.neighbours, emulated.covariances(all.points.view(), {}).neighbours);
   const DeskewJob empty = deskewJob({}, nullptr, m.sweep(), steps, {});
   EXPECT_EQ(emulated.prepare(empty, 0.5, {}, nullptr).points.size(), 0U);
 }

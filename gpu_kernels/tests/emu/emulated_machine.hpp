@@ -64,6 +64,8 @@ class Machine {
   [[nodiscard]] std::string description() const { return "emulator, seed " + std::to_string(x_seed); }
   void select() const {}
   void wait() const {}
+  void mark() const {}
+  void waitForMark() const {}
 
   template <class... Parameters, class... Arguments>
   void launch(const char* name, simt::Grid blocks, int threads, void (*kernel)(Parameters...),
