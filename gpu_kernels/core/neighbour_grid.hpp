@@ -109,20 +109,19 @@ RACELOC_HD Sym3<T> finished(const Moments<T>& moments, const CovarianceSetup& se
                 regularised(moments.covariance(), setup.regularisation, T(setup.epsilon), squared_radius_m2));
 }
 
-/** Covariance of the point q over the points of nine runs; `p` is the sorted cloud. */
+/** Takes every `stride`-th point of each of nine runs, from the one numbered `first` on, as neighbours of the point q;
+ * `p` is the sorted cloud. */
 template <class WeightOf>
-RACELOC_HD Sym3<float> covarianceAt(const Vec3<float>& q, const PointsView& p, const Run* runs,
-                                    const CovarianceSetup& setup, const WeightOf& weightOf,
-                                    std::int32_t& neighbours) {
+RACELOC_HD Moments<float> momentsAt(const Vec3<float>& q, const PointsView& p, const Run* runs,
+                                    std::uint32_t first, std::uint32_t stride, float squared_radius_m2,
+                                    const WeightOf& weightOf) {
   Moments<float> moments;
   for (int row = 0; row < kRowsAround; ++row) {
     const Run run = runs[row];
-    for (std::uint32_t j = run.first; j < run.last; ++j) {
-      moments.add({p.x[j] - q.x, p.y[j] - q.y, p.z[j] - q.z}, setup.squared_radius_m2, weightOf);
-    }
+    for (std::uint32_t j = run.first + first; j < run.last; j += stride)
+      moments.add({p.x[j] - q.x, p.y[j] - q.y, p.z[j] - q.z}, squared_radius_m2, weightOf);
   }
-  neighbours = static_cast<std::int32_t>(moments.neighbours);
-  return finished(moments, setup);
+  return moments;
 }
 
 }  // namespace raceloc::gpu

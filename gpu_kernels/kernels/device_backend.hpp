@@ -283,10 +283,10 @@ class DeviceBackend : public BackendBase {
     const CovariancesOut out =
         covarianceRows(x_covariances.room(kCovarianceRows * n), n, x_neighbours.room(n));
     withWeight<float>(options, [&](const auto& weightOf) {
-      x_machine.launch("covarianceOfPoints", {blocksFor(n, kCovarianceThreads)}, kCovarianceThreads,
-                       covarianceOfPoints<std::decay_t<decltype(weightOf)>>, sorted_points.view(n),
-                       x_sort.order_sorted.data(), x_sort.numbers.data(), x_runs.data(),
-                       CovarianceSetup::of(options), weightOf, out);
+      x_machine.launch("covarianceOfPoints", {blocksFor(std::size_t{kThreadsAPoint} * n, kCovarianceThreads)},
+                       kCovarianceThreads, covarianceOfPoints<std::decay_t<decltype(weightOf)>>,
+                       sorted_points.view(n), x_sort.order_sorted.data(), x_sort.numbers.data(),
+                       x_runs.data(), CovarianceSetup::of(options), weightOf, out);
     });
     x_covariances.download(x_machine, kCovarianceRows * n);
     x_neighbours.download(x_machine, n);
