@@ -200,7 +200,7 @@ void BM_MovingScanToPose(benchmark::State& state) {
     while (state.KeepRunning()) {
       const PreparedScan source =
           prepare(context, m.scan.view(), m.time_s.data(), m.sweep(), kEverything, kLeaf_m, {});
-      result = match(context, source.points.view(), source.covariances.view(), map, {}, {});
+      result = match(context, source, map, {}, {});
     }
     state.SetLabel(said(result));
   });

@@ -11,6 +11,7 @@
 
 #include <algorithm>
 #include <array>
+#include <atomic>
 #include <optional>
 #include <string>
 #include <utility>
@@ -128,16 +129,28 @@ class DeviceBackend : public BackendBase {
     PreparedScan out;
     out.points = pointsOf(x_thinned, n);
     out.covariances = covariancesOf(n);
+    out.on_device = x_prepared = nextPrepared();
     return out;
   }
 
   PassRunner& passes(const PointsView& source, const CovariancesView& covariances, const VoxelTable& table,
                      const MapMirror* mirror, const MatchOptions& options) override {
-    const auto* here = dynamic_cast<const DeviceMirror<Machine>*>(mirror);
-    if (here == nullptr || here->device() != x_machine.device())
-      throw std::invalid_argument("the voxel map was made by the context of another device");
     x_machine.select();
-    return x_passes.emplace(*this, source, covariances, table, *here, options);
+    const CovariancesView& C = covariances;
+    const float* rows = x_source_covariances.upload(x_machine, {C.xx, C.xy, C.xz, C.yy, C.yz, C.zz}, C.size);
+    return x_passes.emplace(*this, upload(source), covarianceRows(rows, C.size), table, mirrorHere(mirror),
+                            options);
+  }
+
+  PassRunner& passes(const PreparedScan& source, const VoxelTable& table, const MapMirror* mirror,
+                     const MatchOptions& options) override {
+    if (source.on_device == 0 || source.on_device != x_prepared)
+      return passes(source.points.view(), source.covariances.view(), table, mirror, options);
+    x_machine.select();
+    const std::size_t n = source.points.size();
+    const float *points = x_thinned.data(), *covariances = x_covariances.data();
+    return x_passes.emplace(*this, pointRows(points, n), covarianceRows(covariances, n), table,
+                            mirrorHere(mirror), options);
   }
 
  private:
@@ -148,14 +161,13 @@ class DeviceBackend : public BackendBase {
 
   class Passes : public PassRunner {
    public:
+    /** \param source, covariances  on the device */
     Passes(DeviceBackend& on, const PointsView& source, const CovariancesView& covariances,
            const VoxelTable& table, const DeviceMirror<Machine>& mirror, const MatchOptions& options)
         : x_on(on), x_voxel_size_m(table.voxelSize()), x_options(options) {
       const std::size_t pairs = source.size * static_cast<std::size_t>(options.neighbour_voxels);
-      const CovariancesView& C = covariances;
-      x_input.points = on.upload(source);
-      x_input.covariances = covarianceRows(
-          on.x_covariances.upload(on.x_machine, {C.xx, C.xy, C.xz, C.yy, C.yz, C.zz}, C.size), C.size);
+      x_input.points = source;
+      x_input.covariances = covariances;
       x_input.map = mirror.view();
       x_input.fresh = on.x_pairs[0].room(pairs);
       x_spare = on.x_pairs[1].room(pairs);
@@ -190,6 +202,19 @@ class DeviceBackend : public BackendBase {
     std::int32_t* x_spare = nullptr;
     std::uint32_t x_blocks = 0;
   };
+
+  const DeviceMirror<Machine>& mirrorHere(const MapMirror* mirror) const {
+    const auto* here = dynamic_cast<const DeviceMirror<Machine>*>(mirror);
+    if (here == nullptr || here->device() != x_machine.device())
+      throw std::invalid_argument("the voxel map was made by the context of another device");
+    return *here;
+  }
+
+  /** Another one each time, whatever the backend. */
+  static std::uint64_t nextPrepared() {
+    static std::atomic<std::uint64_t> last{0};
+    return ++last;
+  }
 
   PointsView upload(const PointsView& p) {
     return pointRows(x_points.upload(x_machine, {p.x, p.y, p.z}, p.size), p.size);
@@ -244,6 +269,7 @@ class DeviceBackend : public BackendBase {
   std::uint32_t thinned(const PointsView& p, double voxel_size_m, const KeyLayout& layout) {
     const auto n = static_cast<std::uint32_t>(p.size);
     std::uint32_t* voxels = x_count.room(1);
+    x_prepared = 0;
     withKey(layout, [&](auto key) {
       using Key = decltype(key);
       x_machine.launch("voxelKeys", {blocksFor(n, kRunThreads)}, kRunThreads, voxelKeys<Key>, p, layout,
@@ -266,6 +292,7 @@ class DeviceBackend : public BackendBase {
    * \param grid  over them */
   void startCovariances(const PointsView& p, const NeighbourGrid& grid, const CovarianceOptions& options) {
     const auto n = static_cast<std::uint32_t>(p.size);
+    x_prepared = 0;
     const PointsOut sorted_points = pointRows(x_sorted.room(kPointRows * n), n);
     withKey(grid.layout, [&](auto key) {
       using Key = decltype(key);
@@ -337,7 +364,8 @@ class DeviceBackend : public BackendBase {
   Array<float> x_moved, x_kept;    ///< the scan at the end of its sweep; what is kept of it
   Array<float> x_thinned;          ///< one point a voxel
   Array<float> x_sorted;           ///< by cell
-  Array<float> x_covariances;
+  Array<float> x_covariances, x_source_covariances;
+  std::uint64_t x_prepared = 0;  ///< whose points and covariances x_thinned and x_covariances are
   Array<SweepStep> x_steps;
   SortBuffers<Machine> x_sort;
   HostArray<VoxelBox> x_boxes;
