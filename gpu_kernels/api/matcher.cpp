@@ -62,6 +62,14 @@ Match match(Context& context, const PointsView& source, const CovariancesView& c
                     [&](PassRunner& passes) { return gaussNewton(passes, T_map_source_guess, options); });
 }
 
+Match match(Context& context, const PreparedScan& source, const VoxelMap& map,
+            const Transform& T_map_source_guess, const MatchOptions& options) {
+  check(source.points.view(), source.covariances.view(), options);
+  return gaussNewton(
+      context.implementation().passes(source, map.storage().table(), map.storage().mirror(), options),
+      T_map_source_guess, options);
+}
+
 Match match(Context& context, const PointsView& source, const CovariancesView& covariances,
             const NearestTarget& target, const Transform& T_target_source_guess,
             const MatchOptions& options) {

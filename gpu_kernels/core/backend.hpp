@@ -58,6 +58,11 @@ class BackendBase {
   virtual PassRunner& passes(const PointsView& source, const CovariancesView& covariances,
                              const VoxelTable& table, const MapMirror* mirror,
                              const MatchOptions& options) = 0;
+  /** As passes(); a device takes its own copy of the source if it has one. */
+  virtual PassRunner& passes(const PreparedScan& source, const VoxelTable& table, const MapMirror* mirror,
+                             const MatchOptions& options) {
+    return passes(source.points.view(), source.covariances.view(), table, mirror, options);
+  }
   /** As passes(), with the nearest point as pair; of the CPU's backend only. */
   virtual PassRunner& nearestPasses(const PointsView&, const CovariancesView&, const NearestTarget::Storage&,
                                     const MatchOptions&) {

@@ -3,7 +3,9 @@
  * keeps the same points as the CPU, to the bit. */
 #pragma once
 
+#include <algorithm>
 #include <cfloat>
+#include <cmath>
 #include <cstdint>
 
 #include "core/linear.hpp"
@@ -83,6 +85,21 @@ RACELOC_HD bool deskewed(const DeskewJob& job, std::size_t i, Vec3<float>& p_end
   const float share = steps - static_cast<float>(whole);
   p_end = movedBetween(job.steps[whole], share, p);
   return isKept(job.crop, p, time_s, p_end) != 0;
+}
+
+/** Along each axis no kept point is farther from the origin than this. */
+inline Vec3<double> reach_m(const DeskewJob& job) {
+  const double range_m = std::sqrt(static_cast<double>(job.crop.squared_max_range_m2));
+  Vec3<double> reach{0, 0, 0};
+  for (std::size_t k = 0; k < job.step_count; ++k) {  // an entry between two steps is between theirs
+    const auto row = [&](int r) {
+      const float* at = job.steps[k].at + 4 * r;
+      return std::hypot(double{at[0]}, double{at[1]}, double{at[2]}) * range_m + std::fabs(double{at[3]});
+    };
+    reach = {std::max(reach.x, row(0)), std::max(reach.y, row(1)), std::max(reach.z, row(2))};
+  }
+  constexpr double rounding = 1 + 1e-5;  // of floats
+  return rounding * reach;
 }
 
 }  // namespace raceloc::gpu

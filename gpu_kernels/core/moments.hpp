@@ -26,6 +26,14 @@ struct Moments {
     neighbours = neighbours + select(near, T(1), T(0));
   }
 
+  /** Takes what another has taken. */
+  RACELOC_HD void add(const Moments& other) {
+    weight += other.weight;
+    first = first + other.first;
+    second = second + other.second;
+    neighbours += other.neighbours;
+  }
+
   /** sum w (p-mu)(p-mu)' / sum w [m^2]; the point itself has weight 1, so the sum is never 0. */
   [[nodiscard]] RACELOC_HD Sym3<T> covariance() const {
     const T share = T(1) / weight;

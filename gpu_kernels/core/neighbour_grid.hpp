@@ -39,16 +39,21 @@ struct NeighbourGrid {
            static_cast<std::uint64_t>(row % 3) * y;
   }
 
-  /** Grid over finite points. The box has an empty ring, so that a row beside the border is no other row. */
-  static NeighbourGrid over(const PointsView& p, float radius_m) {
+  /** Grid over all points of a box. It has an empty ring, so that a row beside the border is no other row. */
+  static NeighbourGrid over(const Vec3<double>& low_m, const Vec3<double>& high_m, float radius_m) {
     NeighbourGrid grid;
     grid.cell_m =
         static_cast<double>(radius_m) * (1 + 1e-6);  // rounding must not put neighbours two cells apart
-    if (p.size == 0) return grid;
-    const Range x = rangeOf(p.x, p.size), y = rangeOf(p.y, p.size), z = rangeOf(p.z, p.size);
-    const Cell low = grid.cell(x.low, y.low, z.low), high = grid.cell(x.high, y.high, z.high);
+    const Cell low = grid.cell(low_m.x, low_m.y, low_m.z), high = grid.cell(high_m.x, high_m.y, high_m.z);
     grid.layout = KeyLayout::of({low.x - 1, low.y - 1, low.z - 1}, {high.x + 1, high.y + 1, high.z + 1});
     return grid;
+  }
+
+  /** Grid over finite points. */
+  static NeighbourGrid over(const PointsView& p, float radius_m) {
+    if (p.size == 0) return over(Vec3<double>{0, 0, 0}, Vec3<double>{0, 0, 0}, radius_m);
+    const Range x = rangeOf(p.x, p.size), y = rangeOf(p.y, p.size), z = rangeOf(p.z, p.size);
+    return over(Vec3<double>{x.low, y.low, z.low}, Vec3<double>{x.high, y.high, z.high}, radius_m);
   }
 
  private:
@@ -104,20 +109,19 @@ RACELOC_HD Sym3<T> finished(const Moments<T>& moments, const CovarianceSetup& se
                 regularised(moments.covariance(), setup.regularisation, T(setup.epsilon), squared_radius_m2));
 }
 
-/** Covariance of the point q over the points of nine runs; `p` is the sorted cloud. */
+/** Takes every `stride`-th point of each of nine runs, from the one numbered `first` on, as neighbours of the point q;
+ * `p` is the sorted cloud. */
 template <class WeightOf>
-RACELOC_HD Sym3<float> covarianceAt(const Vec3<float>& q, const PointsView& p, const Run* runs,
-                                    const CovarianceSetup& setup, const WeightOf& weightOf,
-                                    std::int32_t& neighbours) {
+RACELOC_HD Moments<float> momentsAt(const Vec3<float>& q, const PointsView& p, const Run* runs,
+                                    std::uint32_t first, std::uint32_t stride, float squared_radius_m2,
+                                    const WeightOf& weightOf) {
   Moments<float> moments;
   for (int row = 0; row < kRowsAround; ++row) {
     const Run run = runs[row];
-    for (std::uint32_t j = run.first; j < run.last; ++j) {
-      moments.add({p.x[j] - q.x, p.y[j] - q.y, p.z[j] - q.z}, setup.squared_radius_m2, weightOf);
-    }
+    for (std::uint32_t j = run.first + first; j < run.last; j += stride)
+      moments.add({p.x[j] - q.x, p.y[j] - q.y, p.z[j] - q.z}, squared_radius_m2, weightOf);
   }
-  neighbours = static_cast<std::int32_t>(moments.neighbours);
-  return finished(moments, setup);
+  return moments;
 }
 
 }  // namespace raceloc::gpu

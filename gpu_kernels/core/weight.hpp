@@ -20,7 +20,7 @@ struct SquaredExponential {
 template <class T>
 struct Laplacian {
   T rate_per_m;
-  RACELOC_HD T operator()(T squared_m2, T) const { return exponential(-rate_per_m * squareRoot(squared_m2)); }
+  RACELOC_HD T operator()(T squared_m2, T) const { return exponential(-rate_per_m * nearRoot(squared_m2)); }
 };
 
 /** (1 + (alpha/c) |d|^2)^(-degree/2): the paper's (alpha <x,y> + c)^degree, cosine-normalised about the

@@ -30,16 +30,41 @@ inline void checkCuda(cudaError_t status, const CudaCall& call) {
                     std::to_string(call.line) + ": " + cudaGetErrorString(status));
 }
 
+/** Memory of the host that the device reads and writes in place (pinned; host and device share its address); it grows
+ * and never shrinks. */
+template <class T>
+class PinnedArray {
+ public:
+  PinnedArray() = default;
+  ~PinnedArray() { cudaFreeHost(x_data); }
+  PinnedArray(const PinnedArray&) = delete;
+  PinnedArray& operator=(const PinnedArray&) = delete;
+
+  /** Room for n elements; what was there is lost if it has to grow. */
+  T* room(std::size_t n) {
+    if (n > x_capacity) {
+      checkCuda(cudaFreeHost(x_data), "cudaFreeHost");
+      x_data = nullptr, x_capacity = 0;
+      void* data = nullptr;
+      checkCuda(cudaMallocHost(&data, n * sizeof(T)), "cudaMallocHost");
+      x_data = static_cast<T*>(data), x_capacity = n;
+    }
+    return x_data;
+  }
+  [[nodiscard]] const T* data() const { return x_data; }
+
+ private:
+  T* x_data = nullptr;
+  std::size_t x_capacity = 0;
+};
+
 /** Memory on the device that grows and never shrinks: a context's buffers live as long as it does. Copies go
  * through pinned memory, which the device reads while the host does something else. */
 template <class T>
 class DeviceArray {
  public:
   DeviceArray() = default;
-  ~DeviceArray() {
-    cudaFree(x_data);
-    cudaFreeHost(x_pinned);
-  }
+  ~DeviceArray() { cudaFree(x_data); }
   DeviceArray(const DeviceArray&) = delete;
   DeviceArray& operator=(const DeviceArray&) = delete;
 
@@ -61,7 +86,7 @@ class DeviceArray {
     const std::size_t total = rows.size() * n;
     T* data = room(total);
     if (total == 0) return data;
-    T* staged = pinned(total);
+    T* staged = x_pinned.room(total);
     std::size_t filled = 0, sent = 0;
     for (const T* row : rows) {
       std::memcpy(staged + filled, row, n * sizeof(T));
@@ -79,32 +104,21 @@ class DeviceArray {
   template <class Machine>
   void download(const Machine& machine, std::size_t n, std::size_t from = 0) {
     if (n == 0) return;
-    checkCuda(
-        cudaMemcpyAsync(pinned(n), x_data + from, n * sizeof(T), cudaMemcpyDeviceToHost, machine.stream()),
-        "cudaMemcpyAsync to the host");
+    checkCuda(cudaMemcpyAsync(x_pinned.room(n), x_data + from, n * sizeof(T), cudaMemcpyDeviceToHost,
+                              machine.stream()),
+              "cudaMemcpyAsync to the host");
   }
 
   [[nodiscard]] T* data() const { return x_data; }
-  [[nodiscard]] const T* host() const { return x_pinned; }
+  [[nodiscard]] const T* host() const { return x_pinned.data(); }
 
  private:
-  T* pinned(std::size_t n) {
-    if (n > x_pinned_capacity) {
-      checkCuda(cudaFreeHost(x_pinned), "cudaFreeHost");
-      x_pinned = nullptr, x_pinned_capacity = 0;
-      void* data = nullptr;
-      checkCuda(cudaMallocHost(&data, n * sizeof(T)), "cudaMallocHost");
-      x_pinned = static_cast<T*>(data), x_pinned_capacity = n;
-    }
-    return x_pinned;
-  }
-
   /** Worth a copy of its own, which runs while the next rows are staged. */
   static constexpr std::size_t kCopyBytes = std::size_t{128} * 1024;
 
   T* x_data = nullptr;
-  T* x_pinned = nullptr;
-  std::size_t x_capacity = 0, x_pinned_capacity = 0;
+  std::size_t x_capacity = 0;
+  PinnedArray<T> x_pinned;
 };
 
 }  // namespace raceloc::gpu

@@ -2,17 +2,19 @@
  * The backend of a machine that runs the kernels: which one when, on which arrays. CUDA and the emulator of the
  * tests share it. A Machine has
  *   Array<T>: room(n), data(); upload(machine, rows, n); download(machine, n, from), by the next wait() at host()
- *   launch(name, blocks, threads, kernel, arguments...), wait(), select(), device(), description()
- *   sortPairs(SortBuffers&, n, bits), numberRuns(SortBuffers&, n)
+ *   HostArray<T>: room(n), where kernels write and the host reads after a wait
+ *   launch(name, blocks, threads, kernel, arguments...), select(), device(), description()
+ *   wait() for all of it; mark() a place, and waitForMark() for all before it
+ *   sortPairs<Key>(SortBuffers&, n, bits), numberRuns(SortBuffers&, SortedKeys), numberFlags(SortBuffers&, n)
  * The host keeps the master of every voxel map. */
 #pragma once
 
 #include <algorithm>
 #include <array>
+#include <atomic>
 #include <optional>
 #include <string>
 #include <utility>
-#include <vector>
 
 #include "api/voxel_table.hpp"
 #include "core/backend.hpp"
@@ -69,6 +71,8 @@ class DeviceBackend : public BackendBase {
       if (there.host()[i] != 3 * i + 1)
         throw DeviceError("test launch: a wrong answer from " + x_machine.description());
     }
+    const std::uint32_t none = 0;
+    x_blocks_done.upload(x_machine, {&none}, 1);
   }
 
   [[nodiscard]] Backend kind() const override { return Backend::cuda; }
@@ -83,13 +87,21 @@ class DeviceBackend : public BackendBase {
 
   Points voxelGrid(const PointsView& points, double voxel_size_m, std::size_t& dropped) override {
     x_machine.select();
-    return thinned(upload(points), voxel_size_m, dropped);
+    const PointsView p = upload(points);
+    const VoxelBox box = boxOf(p, voxel_size_m);
+    dropped = points.size - box.kept;
+    if (box.kept == 0) return {};
+    const std::uint32_t n = thinned(p, voxel_size_m, KeyLayout::of(box.low, box.high));
+    x_thinned.download(x_machine, kPointRows * n);
+    x_machine.wait();
+    return pointsOf(x_thinned, n);
   }
 
   Covariances covariances(const PointsView& points, const CovarianceOptions& options) override {
     if (points.size == 0) return {};
     x_machine.select();
-    return covariancesOf(upload(points), NeighbourGrid::over(points, options.radius_m), options);
+    startCovariances(upload(points), NeighbourGrid::over(points, options.radius_m), options);
+    return covariancesOf(points.size);
   }
 
   PreparedScan prepare(const DeskewJob& job, double voxel_size_m, const CovarianceOptions& options,
@@ -97,45 +109,70 @@ class DeviceBackend : public BackendBase {
     x_machine.select();
     const PointsView scan = moved(job);
     if (full != nullptr) *full = compacted(scan);
-    std::size_t dropped = 0;
+    if (scan.size == 0) return {};
+    Vec3<double> high_m = reach_m(job), low_m = -1.0 * high_m;
+    std::optional<KeyLayout> layout = narrowLayout(low_m, high_m, voxel_size_m);
+    if (!layout) {
+      const VoxelBox box = boxOf(scan, voxel_size_m);
+      if (box.kept == 0) return {};
+      layout = KeyLayout::of(box.low, box.high);
+      low_m = voxel_size_m * Vec3<double>{box.low.x - 1.0, box.low.y - 1.0, box.low.z - 1.0};
+      high_m = voxel_size_m * Vec3<double>{box.high.x + 2.0, box.high.y + 2.0, box.high.z + 2.0};
+    }
+    const std::uint32_t n = thinned(scan, voxel_size_m, *layout);
+    if (n == 0) return {};
+    x_thinned.download(x_machine, kPointRows * n);
+    x_machine.mark();
+    startCovariances(pointRows(x_thinned.data(), n).view(n),
+                     NeighbourGrid::over(low_m, high_m, options.radius_m), options);
+    x_machine.waitForMark();
     PreparedScan out;
-    out.points = thinned(scan, voxel_size_m, dropped);
-    if (out.points.size() == 0) return out;
-    const std::size_t n = out.points.size();
-    out.covariances = covariancesOf(pointRows(x_thinned.data(), n).view(n),
-                                    NeighbourGrid::over(out.points.view(), options.radius_m), options);
+    out.points = pointsOf(x_thinned, n);
+    out.covariances = covariancesOf(n);
+    out.on_device = x_prepared = nextPrepared();
     return out;
   }
 
   PassRunner& passes(const PointsView& source, const CovariancesView& covariances, const VoxelTable& table,
                      const MapMirror* mirror, const MatchOptions& options) override {
-    const auto* here = dynamic_cast<const DeviceMirror<Machine>*>(mirror);
-    if (here == nullptr || here->device() != x_machine.device())
-      throw std::invalid_argument("the voxel map was made by the context of another device");
     x_machine.select();
-    return x_passes.emplace(*this, source, covariances, table, *here, options);
+    const CovariancesView& C = covariances;
+    const float* rows = x_source_covariances.upload(x_machine, {C.xx, C.xy, C.xz, C.yy, C.yz, C.zz}, C.size);
+    return x_passes.emplace(*this, upload(source), covarianceRows(rows, C.size), table, mirrorHere(mirror),
+                            options);
+  }
+
+  PassRunner& passes(const PreparedScan& source, const VoxelTable& table, const MapMirror* mirror,
+                     const MatchOptions& options) override {
+    if (source.on_device == 0 || source.on_device != x_prepared)
+      return passes(source.points.view(), source.covariances.view(), table, mirror, options);
+    x_machine.select();
+    const std::size_t n = source.points.size();
+    const float *points = x_thinned.data(), *covariances = x_covariances.data();
+    return x_passes.emplace(*this, pointRows(points, n), covarianceRows(covariances, n), table,
+                            mirrorHere(mirror), options);
   }
 
  private:
   template <class T>
   using Array = typename Machine::template Array<T>;
+  template <class T>
+  using HostArray = typename Machine::template HostArray<T>;
 
   class Passes : public PassRunner {
    public:
+    /** \param source, covariances  on the device */
     Passes(DeviceBackend& on, const PointsView& source, const CovariancesView& covariances,
            const VoxelTable& table, const DeviceMirror<Machine>& mirror, const MatchOptions& options)
         : x_on(on), x_voxel_size_m(table.voxelSize()), x_options(options) {
       const std::size_t pairs = source.size * static_cast<std::size_t>(options.neighbour_voxels);
-      const CovariancesView& C = covariances;
-      x_input.points = on.upload(source);
-      x_input.covariances = covarianceRows(
-          on.x_covariances.upload(on.x_machine, {C.xx, C.xy, C.xz, C.yy, C.yz, C.zz}, C.size), C.size);
+      x_input.points = source;
+      x_input.covariances = covariances;
       x_input.map = mirror.view();
       x_input.fresh = on.x_pairs[0].room(pairs);
       x_spare = on.x_pairs[1].room(pairs);
       x_blocks = blocksFor(source.size, kPassThreads);
       on.x_partials.room(static_cast<std::size_t>(x_blocks) * kSums);
-      on.x_sums.room(kSums);
     }
 
     Pass run(const Transform& T_map_source) override {
@@ -144,12 +181,11 @@ class DeviceBackend : public BackendBase {
       Machine& machine = x_on.x_machine;
       machine.select();
       x_input.setup = passSetup(T_map_source, x_voxel_size_m, x_options);
-      machine.launch("vgicpPass", {x_blocks}, kPassThreads, vgicpPass, x_input, x_on.x_partials.data());
-      machine.launch("addPartials", {1}, simt::kWarp, addPartials, x_on.x_partials.data(), x_blocks,
-                     x_on.x_sums.data());
-      x_on.x_sums.download(machine, kSums);
+      double* sums = x_on.x_sums.room(kSums);
+      machine.launch("vgicpPass", {x_blocks}, kPassThreads, vgicpPass, x_input, x_on.x_partials.data(),
+                     x_on.x_blocks_done.data(), sums);
       machine.wait();
-      std::copy(x_on.x_sums.host(), x_on.x_sums.host() + kSums, pass.sums.begin());
+      std::copy(sums, sums + kSums, pass.sums.begin());
       return pass;
     }
 
@@ -167,11 +203,24 @@ class DeviceBackend : public BackendBase {
     std::uint32_t x_blocks = 0;
   };
 
+  const DeviceMirror<Machine>& mirrorHere(const MapMirror* mirror) const {
+    const auto* here = dynamic_cast<const DeviceMirror<Machine>*>(mirror);
+    if (here == nullptr || here->device() != x_machine.device())
+      throw std::invalid_argument("the voxel map was made by the context of another device");
+    return *here;
+  }
+
+  /** Another one each time, whatever the backend. */
+  static std::uint64_t nextPrepared() {
+    static std::atomic<std::uint64_t> last{0};
+    return ++last;
+  }
+
   PointsView upload(const PointsView& p) {
     return pointRows(x_points.upload(x_machine, {p.x, p.y, p.z}, p.size), p.size);
   }
 
-  /** The scan in x_moved, NaN where a point is dropped; x_sort.heads says which are kept. */
+  /** The scan in x_moved, NaN where a point is dropped; x_sort.flags says which are kept. */
   PointsView moved(const DeskewJob& job) {
     const auto n = static_cast<std::uint32_t>(job.scan.size);
     const PointsOut to = pointRows(x_moved.room(kPointRows * n), n);
@@ -181,7 +230,7 @@ class DeviceBackend : public BackendBase {
     here.steps = x_steps.upload(x_machine, {job.steps}, job.step_count);
     if (job.time_s != nullptr) here.time_s = x_times.upload(x_machine, {job.time_s}, n);
     x_machine.launch("deskewPoints", {blocksFor(n, kDeskewThreads)}, kDeskewThreads, deskewPoints, here, to,
-                     x_sort.heads.room(n));
+                     x_sort.flags.room(n));
     return to.view(n);
   }
 
@@ -189,63 +238,89 @@ class DeviceBackend : public BackendBase {
   Deskewed compacted(const PointsView& scan) {
     const auto n = static_cast<std::uint32_t>(scan.size);
     if (n == 0) return {};
-    x_machine.numberRuns(x_sort, n);
-    const std::uint32_t kept = lastNumber(n);
+    x_machine.numberFlags(x_sort, n);
+    x_sort.numbers.download(x_machine, 1, n - 1);
+    x_machine.wait();
+    const std::uint32_t kept = *x_sort.numbers.host();
     const PointsOut to = pointRows(x_kept.room(kPointRows * kept), kept);
     x_machine.launch("compact", {blocksFor(n, kDeskewThreads)}, kDeskewThreads, compact, scan,
-                     x_sort.heads.data(), x_sort.numbers.data(),
+                     x_sort.flags.data(), x_sort.numbers.data(),
                      DeskewedOut{to.x, to.y, to.z, x_sort.order.room(kept)});
     x_sort.order.download(x_machine, kept);
-    Points points = fetched(x_kept, kept);
-    return {std::move(points), rowOf(x_sort.order.host(), kept)};
+    x_kept.download(x_machine, kPointRows * kept);
+    x_machine.wait();
+    return {pointsOf(x_kept, kept), rowOf(x_sort.order.host(), kept)};
   }
 
-  /** One point a voxel, here and in x_thinned. \param p  on the device */
-  Points thinned(const PointsView& p, double voxel_size_m, std::size_t& dropped) {
-    const auto n = static_cast<std::uint32_t>(p.size);
-    const VoxelBox box = boxOf(p, voxel_size_m);
-    dropped = n - box.kept;
-    if (box.kept == 0) return {};
-    const KeyLayout layout = KeyLayout::of(box.low, box.high);
-    x_machine.launch("voxelKeys", {blocksFor(n, kRunThreads)}, kRunThreads, voxelKeys, p, layout,
-                     voxel_size_m, x_sort.keys.room(n), x_sort.order.room(n));
-    x_machine.sortPairs(x_sort, n, layout.bits + 1);  // one bit more: dropped points come last
-    numberRuns(box.kept);
-    x_machine.launch("listRuns", {blocksFor(box.kept, kRunThreads)}, kRunThreads, listRuns,
-                     x_sort.heads.data(), x_sort.numbers.data(), box.kept, x_first.room(box.kept + 1));
-    const std::uint32_t voxels = lastNumber(box.kept);
-    x_machine.launch("centroids", {blocksFor(std::size_t{simt::kWarp} * voxels, kRunThreads)}, kRunThreads,
-                     centroids, p, x_sort.order_sorted.data(), x_first.data(), voxels,
-                     pointRows(x_thinned.room(kPointRows * voxels), voxels));
-    return fetched(x_thinned, voxels);
+  /** Keys of 32 bits, if they are wide enough for the voxels of a box. */
+  static std::optional<KeyLayout> narrowLayout(const Vec3<double>& low_m, const Vec3<double>& high_m,
+                                               double voxel_size_m) {
+    Cell low{}, high{};
+    if (!cellOf(low_m.x, low_m.y, low_m.z, voxel_size_m, low) ||
+        !cellOf(high_m.x, high_m.y, high_m.z, voxel_size_m, high))
+      return std::nullopt;
+    const KeyLayout layout = KeyLayout::of(low, high);
+    if (!fits<std::uint32_t>(layout)) return std::nullopt;
+    return layout;
   }
 
-  /** \param p  on the device, at least one point \param grid  over them */
-  Covariances covariancesOf(const PointsView& p, const NeighbourGrid& grid,
-                            const CovarianceOptions& options) {
+  /** One point a voxel in x_thinned; the last of them may still be on their way. \return how many \param p  on the
+   * device, at least one point \param layout  of a box with all their voxels */
+  std::uint32_t thinned(const PointsView& p, double voxel_size_m, const KeyLayout& layout) {
     const auto n = static_cast<std::uint32_t>(p.size);
-    x_machine.launch("cellKeys", {blocksFor(n, kRunThreads)}, kRunThreads, cellKeys, p, grid,
-                     x_sort.keys.room(n), x_sort.order.room(n));
-    x_machine.sortPairs(x_sort, n, grid.layout.bits);
-    numberRuns(n);
-    const std::uint32_t cells = lastNumber(n);
-    const PointsOut sorted = pointRows(x_sorted.room(kPointRows * n), n);
-    x_machine.launch("listCells", {blocksFor(n, kRunThreads)}, kRunThreads, listCells, p,
-                     x_sort.keys_sorted.data(), x_sort.order_sorted.data(), x_sort.numbers.data(),
-                     x_cell_keys.room(cells), x_first.room(cells), sorted);
-    const std::size_t rows = static_cast<std::size_t>(cells) * kRowsAround;
-    x_machine.launch("findRuns", {blocksFor(rows, kRunThreads)}, kRunThreads, findRuns, grid,
-                     x_cell_keys.data(), x_first.data(), cells, n, x_runs.room(rows));
+    std::uint32_t* voxels = x_count.room(1);
+    x_prepared = 0;
+    withKey(layout, [&](auto key) {
+      using Key = decltype(key);
+      x_machine.launch("voxelKeys", {blocksFor(n, kRunThreads)}, kRunThreads, voxelKeys<Key>, p, layout,
+                       voxel_size_m, x_sort.template keys<Key>().mixed.room(n), x_sort.order.room(n));
+      const SortedKeys<Key> sorted =
+          sortedKeys<Key>(layout, n, layout.bits + 1);  // one bit more: dropped points come last
+      x_machine.launch("listRuns", {blocksFor(n, kRunThreads)}, kRunThreads, listRuns<Key>, sorted,
+                       x_sort.numbers.data(), x_first.room(n + 1), voxels);
+    });
+    x_machine.mark();
+    x_machine.launch("centroids",
+                     {std::min(kCentroidBlocks, blocksFor(std::size_t{simt::kWarp} * n, kRunThreads))},
+                     kRunThreads, centroids, p, x_sort.order_sorted.data(), x_first.data(),
+                     x_sort.numbers.data() + (n - 1), x_thinned.room(kPointRows * n));
+    x_machine.waitForMark();
+    return *voxels;
+  }
+
+  /** Launches what leaves covariances in x_covariances and x_neighbours. \param p  on the device, at least one point
+   * \param grid  over them */
+  void startCovariances(const PointsView& p, const NeighbourGrid& grid, const CovarianceOptions& options) {
+    const auto n = static_cast<std::uint32_t>(p.size);
+    x_prepared = 0;
+    const PointsOut sorted_points = pointRows(x_sorted.room(kPointRows * n), n);
+    withKey(grid.layout, [&](auto key) {
+      using Key = decltype(key);
+      x_machine.launch("cellKeys", {blocksFor(n, kRunThreads)}, kRunThreads, cellKeys<Key>, p, grid,
+                       x_sort.template keys<Key>().mixed.room(n), x_sort.order.room(n));
+      const SortedKeys<Key> sorted = sortedKeys<Key>(grid.layout, n, grid.layout.bits);
+      Key* cell_keys = x_sort.template keys<Key>().mixed.room(n);
+      x_machine.launch("listCells", {blocksFor(n, kRunThreads)}, kRunThreads, listCells<Key>, p, sorted,
+                       x_sort.order_sorted.data(), x_sort.numbers.data(), cell_keys, x_first.room(n),
+                       sorted_points);
+      const std::size_t rows = std::size_t{n} * kRowsAround;  // at most
+      x_machine.launch("findRuns", {blocksFor(rows, kRunThreads)}, kRunThreads, findRuns<Key>, grid,
+                       cell_keys, x_first.data(), x_sort.numbers.data() + (n - 1), n, x_runs.room(rows));
+    });
     const CovariancesOut out =
         covarianceRows(x_covariances.room(kCovarianceRows * n), n, x_neighbours.room(n));
     withWeight<float>(options, [&](const auto& weightOf) {
-      x_machine.launch("covarianceOfPoints", {blocksFor(n, kCovarianceThreads)}, kCovarianceThreads,
-                       covarianceOfPoints<std::decay_t<decltype(weightOf)>>, sorted.view(n),
-                       x_sort.order_sorted.data(), x_sort.numbers.data(), x_runs.data(),
-                       CovarianceSetup::of(options), weightOf, out);
+      x_machine.launch("covarianceOfPoints", {blocksFor(std::size_t{kThreadsAPoint} * n, kCovarianceThreads)},
+                       kCovarianceThreads, covarianceOfPoints<std::decay_t<decltype(weightOf)>>,
+                       sorted_points.view(n), x_sort.order_sorted.data(), x_sort.numbers.data(),
+                       x_runs.data(), CovarianceSetup::of(options), weightOf, out);
     });
     x_covariances.download(x_machine, kCovarianceRows * n);
     x_neighbours.download(x_machine, n);
+  }
+
+  /** What startCovariances() left behind. */
+  Covariances covariancesOf(std::size_t n) {
     x_machine.wait();
     const float* C = x_covariances.host();
     return {rowOf(C, n, 0),
@@ -257,10 +332,8 @@ class DeviceBackend : public BackendBase {
             rowOf(x_neighbours.host(), n)};
   }
 
-  Points fetched(Array<float>& points, std::size_t n) {
-    points.download(x_machine, kPointRows * n);
-    x_machine.wait();
-    const float* p = points.host();
+  static Points pointsOf(const Array<float>& downloaded, std::size_t n) {
+    const float* p = downloaded.host();
     return {rowOf(p, n, 0), rowOf(p, n, 1), rowOf(p, n, 2)};
   }
 
@@ -269,25 +342,21 @@ class DeviceBackend : public BackendBase {
     const std::size_t warps = std::size_t{blocks} * (kRunThreads / simt::kWarp);
     VoxelBox all;
     if (blocks == 0) return all;
-    x_machine.launch("voxelBoxes", {blocks}, kRunThreads, voxelBoxes, p, voxel_size_m, x_boxes.room(warps));
-    x_boxes.download(x_machine, warps);
+    VoxelBox* boxes = x_boxes.room(warps);
+    x_machine.launch("voxelBoxes", {blocks}, kRunThreads, voxelBoxes, p, voxel_size_m, boxes);
     x_machine.wait();
-    for (std::size_t w = 0; w < warps; ++w) all.add(x_boxes.host()[w]);
+    for (std::size_t w = 0; w < warps; ++w) all.add(boxes[w]);
     return all;
   }
 
-  /** Of the first n sorted keys. */
-  void numberRuns(std::uint32_t n) {
-    x_machine.launch("markHeads", {blocksFor(n, kRunThreads)}, kRunThreads, markHeads,
-                     x_sort.keys_sorted.data(), n, x_sort.heads.room(n));
-    x_machine.numberRuns(x_sort, n);
-  }
-
-  /** How many heads there are. */
-  std::uint32_t lastNumber(std::uint32_t n) {
-    x_sort.numbers.download(x_machine, 1, n - 1);
-    x_machine.wait();
-    return *x_sort.numbers.host();
+  /** Sorts n keys by their lowest bits and numbers their runs. */
+  template <class Key>
+  SortedKeys<Key> sortedKeys(const KeyLayout& layout, std::uint32_t n, int bits) {
+    x_machine.template sortPairs<Key>(x_sort, n, bits);
+    const SortedKeys<Key> sorted{x_sort.template keys<Key>().sorted.data(), n,
+                                 static_cast<Key>(Key{1} << layout.bits)};
+    x_machine.numberRuns(x_sort, sorted);
+    return sorted;
   }
 
   Machine x_machine;
@@ -295,16 +364,19 @@ class DeviceBackend : public BackendBase {
   Array<float> x_moved, x_kept;    ///< the scan at the end of its sweep; what is kept of it
   Array<float> x_thinned;          ///< one point a voxel
   Array<float> x_sorted;           ///< by cell
-  Array<float> x_covariances;
+  Array<float> x_covariances, x_source_covariances;
+  std::uint64_t x_prepared = 0;  ///< whose points and covariances x_thinned and x_covariances are
   Array<SweepStep> x_steps;
   SortBuffers<Machine> x_sort;
-  Array<VoxelBox> x_boxes;
-  Array<std::uint64_t> x_cell_keys;
+  HostArray<VoxelBox> x_boxes;
+  HostArray<std::uint32_t> x_count;
   Array<std::uint32_t> x_first;  ///< of each run
   Array<Run> x_runs;
   Array<std::int32_t> x_neighbours;
   std::array<Array<std::int32_t>, 2> x_pairs;
-  Array<double> x_partials, x_sums;
+  Array<double> x_partials;
+  Array<std::uint32_t> x_blocks_done;  ///< one counter, 0 between launches
+  HostArray<double> x_sums;
   std::optional<Passes> x_passes;
 };
 

@@ -17,7 +17,7 @@ struct PointsOut {
   [[nodiscard]] PointsView view(std::size_t n) const { return {x, y, z, n}; }
 };
 
-inline PointsOut pointRows(float* rows, std::size_t n) { return {rows, rows + n, rows + 2 * n}; }
+RACELOC_HD PointsOut pointRows(float* rows, std::size_t n) { return {rows, rows + n, rows + 2 * n}; }
 inline PointsView pointRows(const float* rows, std::size_t n) { return {rows, rows + n, rows + 2 * n, n}; }
 
 inline CovariancesOut covarianceRows(float* rows, std::size_t n, std::int32_t* neighbours) {

@@ -60,4 +60,19 @@ RACELOC_DEVICE std::uint32_t globalThread() { return block().x * threads() + thr
 RACELOC_DEVICE std::uint32_t lane() { return thread() % kWarp; }
 RACELOC_DEVICE std::uint32_t warp() { return thread() / kWarp; }
 
+/** For all threads of a launch: true in the block that comes here last, which may read what the others wrote before, by
+ * fromOtherBlock(). \param counter  0 before the launch and behind it */
+RACELOC_DEVICE bool lastBlockHere(std::uint32_t& counter) {
+  RACELOC_SHARED(bool, is_last);
+  barrier();
+  if (thread() == 0) {
+    fence();  // the barrier made the block's writes this thread's to publish
+    is_last = increment(counter) + 1 == blocks().x * blocks().y;
+    if (is_last) counter = 0;
+    fence();
+  }
+  barrier();
+  return is_last;
+}
+
 }  // namespace raceloc::gpu::simt

@@ -34,10 +34,37 @@ struct PassInput {
   std::int32_t* fresh;
 };
 
-/** Partial sums of the block go to partials[block][kSums]. */
+inline constexpr int kPassWarps = kPassThreads / simt::kWarp;
+
+/** Lane k of the first warp gets the sum k over the blocks: each warp adds every kPassWarps-th block, in order, and the
+ * warps are added in order. For a whole block. */
+RACELOC_DEVICE double overBlocks(const double* partials, std::uint32_t blocks) {
+  using PartSums = double[kPassWarps][kSums];
+  RACELOC_SHARED(PartSums, of_part);
+  double part = 0;
+  std::uint32_t b = simt::warp();
+  constexpr std::uint32_t at_once = 8;  // so that their loads overlap
+  for (; b + (at_once - 1) * kPassWarps < blocks; b += at_once * kPassWarps) {
+    double of_block[at_once];
+    RACELOC_UNROLL
+    for (std::uint32_t j = 0; j < at_once; ++j)
+      of_block[j] = simt::fromOtherBlock(partials[(b + j * kPassWarps) * kSums + simt::lane()]);
+    RACELOC_UNROLL
+    for (std::uint32_t j = 0; j < at_once; ++j) part += of_block[j];
+  }
+  for (; b < blocks; b += kPassWarps) part += simt::fromOtherBlock(partials[b * kSums + simt::lane()]);
+  of_part[simt::warp()][simt::lane()] = part;
+  simt::barrier();
+  double sum = 0;
+  RACELOC_UNROLL
+  for (const auto& sums : of_part) sum += sums[simt::lane()];
+  return sum;
+}
+
+/** Sums of the block go to partials[block][kSums]; the last block to get there adds them. \param sums  of the host */
 RACELOC_KERNEL(kPassThreads)
-vgicpPass(PassInput in, double* partials) {
-  using WarpSums = float[kPassThreads / simt::kWarp][kSums];
+vgicpPass(PassInput in, double* partials, std::uint32_t* blocks_done, double* sums) {
+  using WarpSums = float[kPassWarps][kSums];
   RACELOC_SHARED(WarpSums, of_warp);
   float v[kSums] = {};
   const std::uint32_t i = simt::globalThread();
@@ -50,20 +77,15 @@ vgicpPass(PassInput in, double* partials) {
   transposeReduce<simt::kWarp / 2>(v);
   of_warp[simt::warp()][simt::lane()] = v[0];
   simt::barrier();
-  if (simt::warp() != 0) return;
-  double sum = 0;
-  RACELOC_UNROLL
-  for (const auto& sums : of_warp) sum += static_cast<double>(sums[simt::lane()]);
-  partials[static_cast<std::size_t>(simt::block().x) * kSums + simt::lane()] = sum;
-}
-
-/** One warp: lane k adds the blocks' sums k in order. */
-RACELOC_KERNEL(simt::kWarp)
-addPartials(const double* partials, std::uint32_t blocks, double* sums) {
-  double sum = 0;
-  for (std::uint32_t b = 0; b < blocks; ++b)
-    sum += partials[static_cast<std::size_t>(b) * kSums + simt::lane()];
-  sums[simt::lane()] = sum;
+  if (simt::warp() == 0) {
+    double sum = 0;
+    RACELOC_UNROLL
+    for (const auto& warp_sums : of_warp) sum += static_cast<double>(warp_sums[simt::lane()]);
+    partials[simt::block().x * kSums + simt::lane()] = sum;
+  }
+  if (!simt::lastBlockHere(*blocks_done)) return;
+  const double sum = overBlocks(partials, simt::blocks().x);
+  if (simt::warp() == 0) sums[simt::lane()] = sum;
 }
 
 }  // namespace raceloc::gpu

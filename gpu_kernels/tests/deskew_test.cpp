@@ -3,6 +3,7 @@
 #include <cfloat>
 #include <limits>
 
+#include "api/deskew_job.hpp"
 #include "tests/on_each_device.h"
 #include "tests/reference.h"
 
@@ -64,6 +65,30 @@ TEST_P(Deskew, MovesEachPointByItsOwnTimeAndCrops) {
     }
     EXPECT_EQ(k, out.indices.size());  // in the order of the scan, each once
     EXPECT_GT(k, 1000U);
+  }
+}
+
+TEST(DeskewReach, HoldsEveryKeptPoint) {
+  const Crop crop{0, 60, 0, 0, 0};
+  Context cpu(Backend::cpu);
+  for (const unsigned seed : {1U, 2U, 3U}) {
+    MovingScan m = moving(randomCloud(seed, 5000, 50));
+    for (std::size_t i = 0; i < 1000; ++i)  // as far along an axis as they may be
+      m.scan.x[i] = i % 2 == 0 ? 60.0F : -60.0F, m.scan.y[i] = m.scan.z[i] = 0;
+    for (const float* time_s : std::initializer_list<const float*>{m.time_s.data(), nullptr}) {
+      const std::vector<SweepStep> steps = sweepSteps(m.sweep(), time_s != nullptr);
+      const Vec3<double> reach = reach_m(deskewJob(m.scan.view(), time_s, m.sweep(), steps, crop));
+      const Deskewed kept = deskew(cpu, m.scan.view(), time_s, m.sweep(), crop);
+      EXPECT_GT(kept.points.size(), 1000U);
+      Vector farthest_m{};
+      for (std::size_t i = 0; i < kept.points.size(); ++i)
+        for (std::size_t axis = 0; axis < 3; ++axis)
+          farthest_m[axis] = std::max(farthest_m[axis], std::fabs(at(kept.points, i)[axis]));
+      EXPECT_LE(farthest_m[0], reach.x);
+      EXPECT_LE(farthest_m[1], reach.y);
+      EXPECT_LE(farthest_m[2], reach.z);
+      EXPECT_GT(farthest_m[0], 0.9 * reach.x);  // and is not much more than that
+    }
   }
 }
 

@@ -3,6 +3,8 @@
  * order the threads and blocks run in. */
 #include <gtest/gtest.h>
 
+#include <functional>
+
 #include "api/deskew_job.hpp"
 #include "api/voxel_table.hpp"
 #include "core/se3_lm.hpp"
@@ -214,8 +216,19 @@ TEST(EmulatedBackend, PreparesAsInSteps) {
     expectSame(full.points, moved_scan.points);
     EXPECT_EQ(full.indices, moved_scan.indices);
   }
+  const auto far = deskewJob(m.scan.view(), m.time_s.data(), m.sweep(), steps, {3, 1e6F, 4, 4, 4});
+  const PreparedScan all = emulated.prepare(far, 0.5, {}, nullptr);  // the range has more than 2^32 voxels
+  expectSame(all.points, emulated.voxelGrid(emulated.deskew(far).points.view(), 0.5, dropped));
+  EXPECT_EQ(all.covariances.neighbours, emulated.covariances(all.points.view(), {}).neighbours);
   const DeskewJob empty = deskewJob({}, nullptr, m.sweep(), steps, {});
   EXPECT_EQ(emulated.prepare(empty, 0.5, {}, nullptr).points.size(), 0U);
+}
+
+TEST(EmulatedBackend, CountsNeighboursThatAreFarApart) {
+  Points p = hall(2, 100);
+  push(p, 1e6, -1e6, 1e6);  // keys of more than 32 bits
+  const Covariances expected = makeCpuBackend(1)->covariances(p.view(), {});
+  EXPECT_EQ(Emulated(1).covariances(p.view(), {}).neighbours, expected.neighbours);
 }
 
 class EmulatedMatch : public ::testing::Test {
@@ -235,6 +248,39 @@ class EmulatedMatch : public ::testing::Test {
   VoxelTable x_table{1.0};
   Transform x_guess = pose({0, 0.01, 0.03}, {0.2, 0.1, -0.1});
 };
+
+TEST_F(EmulatedMatch, TakesItsOwnCopyOfAPreparedScan) {
+  const MovingScan m = moving(hall(6, 1500));
+  const std::vector<SweepStep> steps = sweepSteps(m.sweep(), true);
+  const DeskewJob job = deskewJob(m.scan.view(), m.time_s.data(), m.sweep(), steps, {});
+  Emulated emulated(1);
+  const auto mirror = emulated.mirror();
+  mirror->upload(x_table);
+  PreparedScan scan = emulated.prepare(job, 0.5, {}, nullptr);
+  const auto costOf = [&](const PreparedScan& source) {
+    return linearization(emulated.passes(source, x_table, mirror.get(), {}).run(x_guess)).cost;
+  };
+  const double expected =
+      linearization(emulated.passes(scan.points.view(), scan.covariances.view(), x_table, mirror.get(), {})
+                        .run(x_guess))
+          .cost;
+  EXPECT_GT(expected, 0);
+  EXPECT_EQ(costOf(scan), expected);
+  std::vector<float> x(scan.points.size(), 1e9F);
+  std::swap(scan.points.x, x);  // as long as the device has them, it does not look at these
+  EXPECT_EQ(costOf(scan), expected);
+  std::swap(scan.points.x, x);
+  for (const auto& other : {std::function<void()>([&] { (void)emulated.covariances(x_source.view(), {}); }),
+                            std::function<void()>([&] {
+                              std::size_t dropped = 0;
+                              (void)emulated.voxelGrid(x_source.view(), 0.5, dropped);
+                            }),
+                            std::function<void()>([&] { (void)emulated.prepare(job, 1, {}, nullptr); })}) {
+    other();
+    EXPECT_EQ(costOf(scan), expected);
+    scan = emulated.prepare(job, 0.5, {}, nullptr);
+  }
+}
 
 TEST_F(EmulatedMatch, GivesThePoseOfTheCpu) {
   for (const int around : {1, 7, 27}) {

@@ -1,5 +1,6 @@
 #include "raceloc/gpu/prepare.h"
 
+#include "raceloc/gpu/matcher.h"
 #include "raceloc/gpu/voxel_grid.h"
 #include "tests/on_each_device.h"
 #include "tests/scenes.h"
@@ -23,14 +24,16 @@ TEST_P(Prepare, GivesTheBitsOfTheThreeSteps) {
     for (const Neighbourhood neighbourhood : {Neighbourhood::radius, Neighbourhood::nearest}) {
       CovarianceOptions options;
       options.neighbourhood = neighbourhood;
-      const Deskewed scan = deskew(context(), m.scan.view(), time_s, m.sweep(), {});
+      Crop crop;
+      crop.max_range_m = time_s == nullptr ? 80 : 1e6F;  // with fewer than 2^32 voxels within, and with more
+      const Deskewed scan = deskew(context(), m.scan.view(), time_s, m.sweep(), crop);
       const Points points = voxelGrid(context(), scan.points.view(), 0.25F);
       const Covariances C = covariances(context(), points.view(), options);
       EXPECT_GT(points.size(), 1000U);
       Deskewed full;
       for (Deskewed* wanted : {&full, static_cast<Deskewed*>(nullptr)}) {
         const PreparedScan out =
-            prepare(context(), m.scan.view(), time_s, m.sweep(), {}, 0.25F, options, wanted);
+            prepare(context(), m.scan.view(), time_s, m.sweep(), crop, 0.25F, options, wanted);
         expectSame(out.points, points);
         EXPECT_EQ(out.covariances.xx, C.xx);
         EXPECT_EQ(out.covariances.xy, C.xy);
@@ -44,6 +47,26 @@ TEST_P(Prepare, GivesTheBitsOfTheThreeSteps) {
       EXPECT_EQ(full.indices, scan.indices);
     }
   }
+}
+
+TEST_P(Prepare, IsMatchedAsItsPointsAre) {
+  const MovingScan m = moving(hall(4, 20000));
+  const Points target = hall(5, 20000);
+  VoxelMap map(context(), 1.0);
+  map.insert(target.view(), covariances(context(), target.view(), {}).view(), {});
+  const PreparedScan scan = prepare(context(), m.scan.view(), m.time_s.data(), m.sweep(), {}, 0.25F, {});
+  const Transform guess = pose({0, 0.01, 0.03}, {-1, 0, -1.5});
+  const Match expected = match(context(), scan.points.view(), scan.covariances.view(), map, guess, {});
+  const Match here = match(context(), scan, map, guess, {});
+  (void)covariances(context(), target.view(), {});
+  const Match later = match(context(), scan, map, guess, {});
+  for (const Match* other : {&here, &later}) {
+    EXPECT_EQ(other->T_map_source.R, expected.T_map_source.R);
+    EXPECT_EQ(other->T_map_source.t, expected.T_map_source.t);
+    EXPECT_EQ(other->last.H, expected.last.H);
+    EXPECT_EQ(other->stop, expected.stop);
+  }
+  EXPECT_GT(expected.last.inliers, 100);
 }
 
 TEST_P(Prepare, TakesScansOfWhichNothingIsLeft) {

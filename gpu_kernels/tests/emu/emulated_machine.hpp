@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <cstring>
 #include <initializer_list>
+#include <limits>
 #include <memory>
 #include <numeric>
 #include <string>
@@ -53,6 +54,8 @@ class Machine {
  public:
   template <class T>
   using Array = emu::Array<T>;
+  template <class T>
+  using HostArray = emu::Array<T>;
 
   /** \param seed  of the order of threads; takes the place of a device's number */
   explicit Machine(int seed) : x_seed(seed) {}
@@ -61,6 +64,8 @@ class Machine {
   [[nodiscard]] std::string description() const { return "emulator, seed " + std::to_string(x_seed); }
   void select() const {}
   void wait() const {}
+  void mark() const {}
+  void waitForMark() const {}
 
   template <class... Parameters, class... Arguments>
   void launch(const char* name, simt::Grid blocks, int threads, void (*kernel)(Parameters...),
@@ -69,22 +74,29 @@ class Machine {
     emu::launch(name, blocks, threads, seed, [&] { kernel(arguments...); });
   }
 
+  template <class Key>
   void sortPairs(SortBuffers<Machine>& b, std::uint32_t n, int bits) {
-    const std::uint64_t mask = (std::uint64_t{1} << bits) - 1;
+    const Key mask =
+        static_cast<Key>(bits < std::numeric_limits<Key>::digits ? (Key{1} << bits) - 1 : ~Key{0});
     std::vector<std::uint32_t> from(n);
     std::iota(from.begin(), from.end(), 0U);
-    const std::uint64_t* keys = b.keys.data();
+    const Key* keys = b.keys<Key>().mixed.data();
     std::stable_sort(from.begin(), from.end(),
                      [&](auto i, auto j) { return (keys[i] & mask) < (keys[j] & mask); });
-    std::uint64_t* keys_sorted = b.keys_sorted.room(n);
+    Key* keys_sorted = b.keys<Key>().sorted.room(n);
     std::uint32_t* order_sorted = b.order_sorted.room(n);
     for (std::uint32_t k = 0; k < n; ++k) {
       keys_sorted[k] = keys[from[k]];
       order_sorted[k] = b.order.data()[from[k]];
     }
   }
-  void numberRuns(SortBuffers<Machine>& b, std::uint32_t n) {
-    std::partial_sum(b.heads.data(), b.heads.data() + n, b.numbers.room(n));
+  template <class Key>
+  void numberRuns(SortBuffers<Machine>& b, const SortedKeys<Key>& sorted) {
+    std::uint32_t* numbers = b.numbers.room(sorted.size);
+    for (std::uint32_t k = 0; k < sorted.size; ++k) numbers[k] = sorted(k) + (k == 0 ? 0 : numbers[k - 1]);
+  }
+  void numberFlags(SortBuffers<Machine>& b, std::uint32_t n) {
+    std::partial_sum(b.flags.data(), b.flags.data() + n, b.numbers.room(n));
   }
 
  private:

@@ -8,6 +8,7 @@
 
 #include "raceloc/gpu/context.h"
 #include "raceloc/gpu/nearest_target.h"
+#include "raceloc/gpu/prepare.h"
 #include "raceloc/gpu/types.h"
 #include "raceloc/gpu/voxel_map.h"
 
@@ -63,6 +64,10 @@ struct Match {
 [[nodiscard]] Match match(Context& context, const PointsView& source, const CovariancesView& covariances,
                           const NearestTarget& target, const Transform& T_target_source_guess,
                           const MatchOptions& options);
+
+/** match() of what prepare() gave, unchanged: where the context's device still has it, it is not sent there again. */
+[[nodiscard]] Match match(Context& context, const PreparedScan& source, const VoxelMap& map,
+                          const Transform& T_map_source_guess, const MatchOptions& options);
 
 /** match() from each of several guesses: points go to the device once. */
 [[nodiscard]] std::vector<Match> matchAll(Context& context, const PointsView& source,

@@ -2,6 +2,8 @@
  * A raw scan made ready for a match, in one call. */
 #pragma once
 
+#include <cstdint>
+
 #include "raceloc/gpu/context.h"
 #include "raceloc/gpu/covariance.h"
 #include "raceloc/gpu/deskew.h"
@@ -13,6 +15,8 @@ namespace raceloc::gpu {
 struct PreparedScan {
   Points points;
   Covariances covariances;
+  /** The copy that the context's device keeps until its next prepare(), voxelGrid() or covariances(); 0: none. */
+  std::uint64_t on_device = 0;
 };
 
 /** The same bits as deskew(), voxelGrid() and covariances() one after another, but what is between them stays on the
