@@ -69,8 +69,12 @@ void MotionHistory::add(const MotionSample& sample) {
   const CalibrationVector& c = x_calibration.mean();
   const double scale = 1 + c(kWheelScale) - c(kTraction) * tyres.along_mps2;
   x_wheels_refused = !x_speed_check.accept(sample.stamp_s, scale * sample.speed_mps, sigma_mps, force_mps2,
-                                           sample.speed_mps == x_last_wheel_mps);
-  x_last_wheel_mps = sample.speed_mps;
+                                           x_last_vehicle && sample.speed_mps == x_last_vehicle->speed_mps);
+  const bool same = x_last_vehicle && sample.speed_mps == x_last_vehicle->speed_mps &&
+                    sample.yaw_rate_rps == x_last_vehicle->yaw_rate_rps &&
+                    sample.steering_rad == x_last_vehicle->steering_rad;
+  if (!same) x_same_vehicle_since_s = sample.stamp_s;
+  x_last_vehicle = sample;
   // What is refused is filled in as measured: the calibration's scale applies to it as well.
   x_speed.add(sample.stamp_s,
               x_wheels_refused
@@ -177,7 +181,8 @@ MotionHistory::YawRates MotionHistory::yawRates(double stamp_s, double speed_mps
     return std::pow(rates[a]->rate_rps - rates[b]->rate_rps, 2) > kBeyondChance * variance;
   };
   const bool vehicle_off = contradict(kGyro, kVehicle), bicycle_off = contradict(kGyro, kBicycle);
-  if (vehicle_off && bicycle_off && !contradict(kVehicle, kBicycle)) {
+  const bool one_voice = x_last_vehicle && x_last_vehicle->stamp_s - x_same_vehicle_since_s > kFrozen_s;
+  if (vehicle_off && bicycle_off && !one_voice && !contradict(kVehicle, kBicycle)) {
     rates[kGyro].reset();
   } else {
     if (vehicle_off) rates[kVehicle].reset();

@@ -40,8 +40,8 @@ struct MotionOptions {
  * Rotation: the gyro, less its bias. About the body's z axis it is blended, by inverse variances, with the car's own yaw rate and
  * with the bicycle model v tan(steering) / wheelbase, whose variance grows with the lateral acceleration; each may be
  * absent, and any one of them carries the yaw rate alone; one that contradicts the gyro is left out, as is the gyro when both
- * of the others contradict it. Translation: wheel speed, less the slip that traction needs, along the
- * rear axle's course, which lies off the heading by side-slip; both are in proportion to the force that the tyres bear over
+ * of the others contradict it, unless all they say is one message that repeats. Translation: wheel speed, less the slip that
+ * traction needs, along the rear axle's course, which lies off the heading by side-slip; both are in proportion to the force that the tyres bear over
  * their load. Never from acceleration. While the
  * wheels are silent, the speed of the newest observe() goes on.
  * A gyro that repeats itself while the car moves, and a wheel speed that neither force nor scan matches can explain, are
@@ -119,9 +119,11 @@ class MotionHistory {
   TimeSeries<Eigen::Vector2d>
       x_speed;  ///< measured or, where it was refused or silent, likely [m/s]; its variance
   TimeSeries<double> x_vehicle_yaw_rate_rps, x_steering_rad;
-  std::optional<double> x_last_imu_s, x_last_wheels_s, x_last_wheel_mps, x_same_gyro_since_s;
+  std::optional<double> x_last_imu_s, x_last_wheels_s, x_same_gyro_since_s;
   Eigen::Vector3d x_last_gyro_rps = Eigen::Vector3d::Zero();
   int x_same_gyro = 0;
+  std::optional<MotionSample> x_last_vehicle;
+  double x_same_vehicle_since_s = 0;
   std::string x_imu_label, x_vehicle_label;
   bool x_wheels_refused = false, x_gyro_frozen = false;
 };

@@ -3,6 +3,7 @@
 #include <gmock/gmock.h>
 
 #include <algorithm>
+#include <cmath>
 #include <nlohmann/json.hpp>
 #include <regex>
 
@@ -173,9 +174,9 @@ TEST_F(OdometryLaps, GivenAStandingStartItStandsStillAndThenStarts) {
   EXPECT_LT(lap.drift_percent, kDrift_percent);
   EXPECT_GT((lap.odometry.back().T_map_body.translation()).norm(), 100);
 
-  // The first scan is the map that all others are matched to, and its noise of 2 cm a point is theirs in common: within a match's error they settle
-  // beside it. From then on there is only what differs between scans, at most a few mm, and no drift: the gyro's bias of 0.05 deg/s
-  // alone would turn the car by half a degree.
+  // The first scan is the map that all others are matched to, and its noise of 2 cm a point is theirs in common: within a
+  // match's error they settle beside it. From then on there is only what differs between scans, a few mm, and no drift: the
+  // gyro's bias of 0.05 deg/s alone would turn the car by half a degree.
   const double start_s = lap.odometry.front().stamp_s;
   const StampedPose* settled = nullptr;
   double off_first_m = 0, off_settled_m = 0, turned_deg = 0;
