@@ -20,10 +20,11 @@ SYNOPSIS
 
 DESCRIPTION
   Plays a log through the localizer, as fast as it goes: each LiDAR sweep is de-skewed, those of several
-  LiDARs are merged and matched against the map's tiles around the car, and a Bayesian gate decides which of scan match and GPS/INS the filter
-  believes. Writes the estimate as a TUM file and as an annotated rawlog for RawLogViewer: the estimate as
-  CObservationRobotPose with covariance and as the only odometry, the gate's numbers as CObservationRawDAQ
-  labelled gate, and at each sweep a CObservation3DScene with car, scan, sources and verdicts.
+  LiDARs are merged and matched against the map's tiles around the car, and a Bayesian gate decides which of
+  scan match and GPS/INS the filter believes. Writes the estimate as a TUM file and as an annotated rawlog for
+  RawLogViewer: the estimate as CObservationRobotPose with covariance and as the only odometry, the gate's
+  numbers as CObservationRawDAQ labelled gate, and at each sweep a CObservation3DScene with car, scan, sources
+  and verdicts.
   A GPS fix with a heading says where to look for the car, and a scan match there starts the filter.
   With --odometry-only there is no map and no GPS: LiDAR, IMU, wheel speed and steering alone, in the frame of the
   first scan; it also tells what it learnt of the sensors' errors.

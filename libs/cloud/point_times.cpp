@@ -51,7 +51,7 @@ double shareOffAzimuth(const Scan& scan, float sweep_s) {
   std::iota(order.begin(), order.end(), 0U);
   std::vector<float> azimuth_rad(order.size());
   for (std::size_t i = 0; i < order.size(); ++i)
-    azimuth_rad[i] = std::atan2(scan.cloud.y[i], scan.cloud.x[i]);
+    if (const float a = std::atan2(scan.cloud.y[i], scan.cloud.x[i]); std::isfinite(a)) azimuth_rad[i] = a;
   std::sort(order.begin(), order.end(),
             [&](std::uint32_t a, std::uint32_t b) { return azimuth_rad[a] < azimuth_rad[b]; });
   std::size_t off = 0;

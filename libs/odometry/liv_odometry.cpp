@@ -107,7 +107,7 @@ OdometryStep LivOdometry::add(const Sweep& sweep, MotionHistory& history) {
   x_last_stamp_s = step.stamp_s;
 
   x_lost_in_a_row = step.trusted ? 0 : x_lost_in_a_row + 1;
-  if (x_lost_in_a_row == kLostForGood && !step.scan.cloud.empty()) {
+  if (x_lost_in_a_row >= kLostForGood && !step.scan.cloud.empty()) {
     x_local_map = gpu::VoxelMap(x_context, x_gicp.voxel_size_m);
     step.restarted = true;
     x_lost_in_a_row = 0;

@@ -31,8 +31,9 @@ struct OdometryStep {
   Registration match;     ///< against the local map; at the first scan of a track: identity, nothing matched
   bool trusted;           ///< false: the pose is dead reckoning alone
   bool restarted;         ///< the local map was given up and begun anew with this scan
-  bool by_wheels;  ///< guess and de-skew from speed and yaw rate; false: from the motion between the last
-                   ///< scans
+  bool
+      by_wheels;  ///< guess and de-skew by wheel speed; false: by the speed of the last match and the gyro, or by
+                  ///< the motion between the last scans
   CovarianceCloud scan;  ///< body frame at stamp_s, de-skewed, cropped, thinned
   Cloud full_scan;       ///< body frame at stamp_s, de-skewed and cropped, not thinned
 };

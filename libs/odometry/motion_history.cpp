@@ -60,18 +60,17 @@ MotionHistory::MotionHistory(const MotionOptions& options, const CalibrationOpti
 void MotionHistory::add(const MotionSample& sample) {
   if (!std::isfinite(sample.speed_mps) || !std::isfinite(sample.yaw_rate_rps)) return;
   if (x_last_wheels_s && sample.stamp_s <= *x_last_wheels_s) return;
+  const auto force_mps2 = x_last_wheels_s ? meanForce(*x_last_wheels_s, sample.stamp_s) : std::nullopt;
   x_last_wheels_s = sample.stamp_s;
-  const auto& known = x_speed.samples();
   // The driven wheels slip by a percent.
   const double sigma_mps = std::hypot(x_options.speed_sigma_mps, 0.01 * sample.speed_mps);
-  const auto force_mps2 = known.empty() ? std::nullopt : meanForce(known.back().stamp_s, sample.stamp_s);
   const TyreForces tyres = tyreForces(sample.stamp_s, sample.speed_mps, sample.yaw_rate_rps);
   const CalibrationVector& c = x_calibration.mean();
   const double scale = 1 + c(kWheelScale) - c(kTraction) * tyres.along_mps2;
-  x_wheels_refused = !x_speed_check.accept(sample.stamp_s, scale * sample.speed_mps, sigma_mps, force_mps2,
-                                           x_last_vehicle && sample.speed_mps == x_last_vehicle->speed_mps);
-  const bool same = x_last_vehicle && sample.speed_mps == x_last_vehicle->speed_mps &&
-                    sample.yaw_rate_rps == x_last_vehicle->yaw_rate_rps &&
+  const bool same_speed = x_last_vehicle && sample.speed_mps == x_last_vehicle->speed_mps;
+  x_wheels_refused =
+      !x_speed_check.accept(sample.stamp_s, scale * sample.speed_mps, sigma_mps, force_mps2, same_speed);
+  const bool same = same_speed && sample.yaw_rate_rps == x_last_vehicle->yaw_rate_rps &&
                     sample.steering_rad == x_last_vehicle->steering_rad;
   if (!same) x_same_vehicle_since_s = sample.stamp_s;
   x_last_vehicle = sample;
@@ -318,7 +317,8 @@ void MotionHistory::observe(double from_s, double to_s, const Pose& T_from_to, c
   if (motion && !x_wheels_refused) x_calibration.observe(*motion, T_from_to, covariance);
   const double speed_mps = se3Log(T_from_to)(3) / duration_s;
   if (hasWheels(to_s)) {
-    x_speed_check.observe(speed_mps, std::sqrt(covariance(3, 3)) / duration_s);
+    // The check stands at the last wheel speed: what came after would count twice when it goes on.
+    if (*x_last_wheels_s >= to_s) x_speed_check.observe(speed_mps, std::sqrt(covariance(3, 3)) / duration_s);
     return;
   }
   // As white noise at 100 Hz, which it is not, it moves the end of the next interval as far.

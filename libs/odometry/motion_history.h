@@ -37,15 +37,15 @@ struct MotionOptions {
 
 /** The last seconds of what the car says of its motion.
  *
- * Rotation: the gyro, less its bias. About the body's z axis it is blended, by inverse variances, with the car's own yaw rate and
- * with the bicycle model v tan(steering) / wheelbase, whose variance grows with the lateral acceleration; each may be
- * absent, and any one of them carries the yaw rate alone; one that contradicts the gyro is left out, as is the gyro when both
- * of the others contradict it, unless all they say is one message that repeats. Translation: wheel speed, less the slip that
- * traction needs, along the rear axle's course, which lies off the heading by side-slip; both are in proportion to the force that the tyres bear over
- * their load. Never from acceleration. While the
+ * Rotation: the gyro, less its bias. About the body's z axis it is blended, by inverse variances, with the car's own yaw
+ * rate and with the bicycle model v tan(steering) / wheelbase, whose variance grows with the lateral acceleration; each may
+ * be absent, and any one of them carries the yaw rate alone; one that contradicts the gyro is left out, as is the gyro when
+ * both of the others contradict it, unless all they say is one message that repeats.
+ * Translation: wheel speed, less the slip that traction needs, along the rear axle's course, which lies off the heading by
+ * side-slip; both are in proportion to the force that the tyres bear over their load. Never from acceleration. While the
  * wheels are silent, the speed of the newest observe() goes on.
- * A gyro that repeats itself while the car moves, and a wheel speed that neither force nor scan matches can explain, are
- * dropped and named. Source: reading.md section 5. */
+ * A gyro that repeats itself while the car moves, whole or on an axis that turns fast (saturated), and a wheel speed that
+ * neither force nor scan matches can explain, are dropped and named. Source: reading.md section 5. */
 class MotionHistory {
  public:
   explicit MotionHistory(const MotionOptions& options, const CalibrationOptions& calibration = {});
@@ -78,8 +78,9 @@ class MotionHistory {
   /** As preintegrated(); the covariance is of noise and calibration. */
   [[nodiscard]] std::optional<BodyMotion> between(double from_s, double to_s) const;
 
-  /** A motion that was measured by other means, to learn the calibration from. \param covariance of the right increment (rad,
-   * m), positive definite */
+  /** A motion that was measured by other means: teaches the calibration, checks the wheels and, while they are silent,
+   * tells the speed. Nothing if `to_s` is not later than `from_s`. \param covariance of the right increment (rad, m),
+   * positive definite */
   void observe(double from_s, double to_s, const Pose& T_from_to, const Matrix6d& covariance);
 
   [[nodiscard]] const MotionCalibration& calibration() const { return x_calibration; }

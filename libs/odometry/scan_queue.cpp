@@ -41,6 +41,7 @@ void ScanQueue::push(Scan scan) {
   checkTimes(scan, lidar);
   const double end_s = endOfSweep(scan);
   if (lidar.used_s && end_s <= *lidar.used_s) return note(scan.label, "stamp went back, scan passed over");
+  const bool in_time = !x_last_end_s || end_s > *x_last_end_s;
   if (is_new || stamp_s > lidar.stamp_s) {
     if (!is_new) {
       const double gap_s = stamp_s - lidar.stamp_s;
@@ -51,9 +52,9 @@ void ScanQueue::push(Scan scan) {
     lidar.stamp_s = stamp_s;
     lidar.end_s = end_s;
     lidar.silence_told = false;
+    lidar.in_time = in_time;
   }
-  lidar.in_time = !x_last_end_s || end_s > *x_last_end_s;
-  if (!lidar.in_time) {
+  if (!in_time) {
     note(scan.label, "late");
     x_late.insert_or_assign(scan.label, std::move(scan));
     return;
@@ -104,7 +105,7 @@ std::vector<ScanQueue::Member> ScanQueue::nextMembers(double now_s) const {
     const double period_s = lidar.period_s(), due_s = lidar.end_s + period_s;
     if (first != x_waiting.end())
       members.push_back({first->end_s, label, true});
-    else if (lidar.in_time && now_s <= due_s + kAwaitedPeriods * period_s)
+    else if (lidar.in_time && now_s <= due_s + std::min(kAwaitedPeriods * period_s, kPatience_s))
       members.push_back({due_s, label, false});
     else
       continue;

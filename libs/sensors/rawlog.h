@@ -69,6 +69,7 @@ void requireDevice(const LogSummary& summary, const std::string& kind, const std
 
 /** A device whose stamps all lie a minute or more before or after the LiDARs' has another clock (up-time since it was
  * switched on, say): none of its samples would meet a scan, or all scans would be late.
+ * LiDARs on different clocks are not told apart.
  * \throws InputError naming the first such device of those that `options` let through. */
 void requireOneClock(const LogSummary& summary, const LogOptions& options);
 

@@ -224,6 +224,26 @@ TEST(MotionHistory, NamesWheelsAndImuThatFellSilent) {
   EXPECT_THAT(wheels_dead.faults(), IsEmpty());
 }
 
+TEST(MotionHistory, BelievesWheelsThatComeBackAfterTheCarHasBraked) {
+  Random rnd(1);
+  MotionHistory history(plainMotion(), plainCalibration());
+  constexpr double kBraking_mps2 = 9;
+  for (int i = 0; i <= 400; ++i) {
+    const double t = 0.01 * i;
+    const bool braking = t > 1 && t <= 3;
+    const Cruise car{60 - kBraking_mps2 * std::clamp(t - 1, 0.0, 2.0), 0};
+    ImuSample imu = car.imu(t, rnd);
+    imu.specific_force_body_mps2.x() -= braking ? kBraking_mps2 : 0;
+    history.add(imu);
+    if (t <= 1 || t > 3.5) history.add(car.wheels(t, car.speed_mps + rnd.normal(0.05)));
+    if (i > 0 && i % 10 == 0) observe(history, car, t - 0.1, t);
+    if (t > 3.5) {
+      ASSERT_THAT(history.faults(), IsEmpty()) << t;
+    }
+  }
+  EXPECT_NEAR(history.ratesBetween(3.9, 4.0)->speed_mps, 42, 0.1);
+}
+
 TEST(MotionHistory, IgnoresWhatIsNoNumberAndWhatIsOld) {
   MotionHistory history(plainMotion(), plainCalibration());
   for (int i = 0; i <= 10; ++i) history.add(MotionSample{0.1 * i, "vehicle", 20, 0.1});

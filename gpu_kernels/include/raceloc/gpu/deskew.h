@@ -27,7 +27,7 @@ struct SweepView {
  * 1e-7 of itself from a limit is on either side. */
 struct Crop {
   float min_range_m = 3.0F;           ///< >= 0
-  float max_range_m = 80.0F;          ///< > 0
+  float max_range_m = 100.0F;         ///< > 0
   float own_car_front_m = 4.5F;       ///< >= 0, ahead of the origin
   float own_car_rear_m = 1.5F;        ///< >= 0, behind it
   float own_car_half_width_m = 1.2F;  ///< >= 0, to each side
