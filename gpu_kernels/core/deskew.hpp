@@ -52,7 +52,7 @@ RACELOC_HD T stepsUntil(const T& time_s, float steps_per_s, float last) {
 
 /** Row `r` of a step's transform, `share` of the way to the next one, times (p, 1). */
 template <class T>
-RACELOC_HD T rowBetween(const SweepStep& step, int r, const T& share, const Vec3<T>& p) {
+RACELOC_HD T rowBetween(const SweepStep& step, std::size_t r, const T& share, const Vec3<T>& p) {
   const float *at = step.at + 4 * r, *change = step.change + 4 * r;
   return product(T(at[0]) + product(share, T(change[0])), p.x) +
          product(T(at[1]) + product(share, T(change[1])), p.y) +
@@ -92,7 +92,7 @@ inline Vec3<double> reach_m(const DeskewJob& job) {
   const double range_m = std::sqrt(static_cast<double>(job.crop.squared_max_range_m2));
   Vec3<double> reach{0, 0, 0};
   for (std::size_t k = 0; k < job.step_count; ++k) {  // an entry between two steps is between theirs
-    const auto row = [&](int r) {
+    const auto row = [&](std::size_t r) {
       const float* at = job.steps[k].at + 4 * r;
       return std::hypot(double{at[0]}, double{at[1]}, double{at[2]}) * range_m + std::fabs(double{at[3]});
     };
