@@ -30,55 +30,63 @@ inline void checkCuda(cudaError_t status, const CudaCall& call) {
                     std::to_string(call.line) + ": " + cudaGetErrorString(status));
 }
 
-/** Memory of the host that the device reads and writes in place (pinned; host and device share its address); it grows
- * and never shrinks. */
-template <class T>
-class PinnedArray {
+struct DeviceMemory {
+  static void* take(std::size_t bytes) {
+    void* data = nullptr;
+    checkCuda(cudaMalloc(&data, bytes), "cudaMalloc");
+    return data;
+  }
+  static void give(void* data) { checkCuda(cudaFree(data), "cudaFree"); }
+};
+
+struct PinnedMemory {
+  static void* take(std::size_t bytes) {
+    void* data = nullptr;
+    checkCuda(cudaMallocHost(&data, bytes), "cudaMallocHost");
+    return data;
+  }
+  static void give(void* data) { checkCuda(cudaFreeHost(data), "cudaFreeHost"); }
+};
+
+/** Memory that grows and never shrinks: a context's buffers live as long as it does. */
+template <class T, class Memory>
+class GrowingArray {
  public:
-  PinnedArray() = default;
-  ~PinnedArray() { cudaFreeHost(x_data); }
-  PinnedArray(const PinnedArray&) = delete;
-  PinnedArray& operator=(const PinnedArray&) = delete;
+  GrowingArray() = default;
+  ~GrowingArray() {
+    try {
+      Memory::give(x_data);
+    } catch (const DeviceError&) {  // the driver is gone, and its memory with it
+    }
+  }
+  GrowingArray(const GrowingArray&) = delete;
+  GrowingArray& operator=(const GrowingArray&) = delete;
 
   /** Room for n elements; what was there is lost if it has to grow. */
   T* room(std::size_t n) {
     if (n > x_capacity) {
-      checkCuda(cudaFreeHost(x_data), "cudaFreeHost");
+      Memory::give(x_data);
       x_data = nullptr, x_capacity = 0;
-      void* data = nullptr;
-      checkCuda(cudaMallocHost(&data, n * sizeof(T)), "cudaMallocHost");
-      x_data = static_cast<T*>(data), x_capacity = n;
+      x_data = static_cast<T*>(Memory::take(n * sizeof(T))), x_capacity = n;
     }
     return x_data;
   }
-  [[nodiscard]] const T* data() const { return x_data; }
+  [[nodiscard]] T* data() const { return x_data; }
 
  private:
   T* x_data = nullptr;
   std::size_t x_capacity = 0;
 };
 
-/** Memory on the device that grows and never shrinks: a context's buffers live as long as it does. Copies go
- * through pinned memory, which the device reads while the host does something else. */
+/** Memory of the host that the device reads and writes in place (pinned; host and device share its address). */
+template <class T>
+using PinnedArray = GrowingArray<T, PinnedMemory>;
+
+/** Memory on the device. Copies go through pinned memory, which the device reads while the host does something else. */
 template <class T>
 class DeviceArray {
  public:
-  DeviceArray() = default;
-  ~DeviceArray() { cudaFree(x_data); }
-  DeviceArray(const DeviceArray&) = delete;
-  DeviceArray& operator=(const DeviceArray&) = delete;
-
-  /** Room for n elements; what was there is lost if it has to grow. */
-  T* room(std::size_t n) {
-    if (n > x_capacity) {
-      checkCuda(cudaFree(x_data), "cudaFree");
-      x_data = nullptr, x_capacity = 0;
-      void* data = nullptr;
-      checkCuda(cudaMalloc(&data, n * sizeof(T)), "cudaMalloc");
-      x_data = static_cast<T*>(data), x_capacity = n;
-    }
-    return x_data;
-  }
+  T* room(std::size_t n) { return x_memory.room(n); }
 
   /** Rows of n elements, one behind the other. The copy before from or to this array must have ended. */
   template <class Machine>
@@ -104,20 +112,19 @@ class DeviceArray {
   template <class Machine>
   void download(const Machine& machine, std::size_t n, std::size_t from = 0) {
     if (n == 0) return;
-    checkCuda(cudaMemcpyAsync(x_pinned.room(n), x_data + from, n * sizeof(T), cudaMemcpyDeviceToHost,
+    checkCuda(cudaMemcpyAsync(x_pinned.room(n), data() + from, n * sizeof(T), cudaMemcpyDeviceToHost,
                               machine.stream()),
               "cudaMemcpyAsync to the host");
   }
 
-  [[nodiscard]] T* data() const { return x_data; }
+  [[nodiscard]] T* data() const { return x_memory.data(); }
   [[nodiscard]] const T* host() const { return x_pinned.data(); }
 
  private:
   /** Worth a copy of its own, which runs while the next rows are staged. */
   static constexpr std::size_t kCopyBytes = std::size_t{128} * 1024;
 
-  T* x_data = nullptr;
-  std::size_t x_capacity = 0;
+  GrowingArray<T, DeviceMemory> x_memory;
   PinnedArray<T> x_pinned;
 };
 

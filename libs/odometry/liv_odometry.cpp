@@ -4,7 +4,6 @@
 #include <stdexcept>
 #include <utility>
 
-#include "cloud/voxel_grid.h"
 #include "registration/search.h"
 
 namespace raceloc {

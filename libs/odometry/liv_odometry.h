@@ -47,8 +47,6 @@ class LivOdometry {
    * between the last two sweeps goes on. What is matched calibrates it. \throws std::invalid_argument if the end is not
    * later than the last one's. */
   OdometryStep add(const Sweep& sweep, MotionHistory& history);
-  /** Of one LiDAR alone. */
-  OdometryStep add(Scan scan, MotionHistory& history) { return add(sweepOf({std::move(scan)}), history); }
 
  private:
   /** The scan in the local map, from a guess. */

@@ -5,7 +5,6 @@
 #include <utility>
 
 #include "cloud/deskew.h"
-#include "cloud/voxel_grid.h"
 #include "core/labels.h"
 
 namespace raceloc {

@@ -12,6 +12,8 @@ namespace {
 using test::forAll;
 using test::Random;
 
+Sweep alone(const Scan& scan) { return sweepOf({scan}); }
+
 MotionSample motionAt(double stamp_s, double speed_mps, double yaw_rate_rps) {
   return {stamp_s, "vehicle", speed_mps, yaw_rate_rps};
 }
@@ -95,7 +97,8 @@ Drive drive(Random& rnd, bool with_wheels) {
     const Pose T_map_body = T_map_start * arc(12 * stamp_s, 0.1 * stamp_s);
     if (with_wheels) history.add(motionAt(stamp_s, 12, 0.1));
     const auto step = odometry.add(
-        {stamp_s, "lidar", Pose::Identity(), transformed(street, T_map_body.inverse()), {}, {}}, history);
+        alone({stamp_s, "lidar", Pose::Identity(), transformed(street, T_map_body.inverse()), {}, {}}),
+        history);
     result.all_trusted = result.all_trusted && step.trusted;
     result.error_m = ((T_map_start.inverse() * T_map_body).inverse() * step.T_odom_body).translation().norm();
   }
@@ -124,11 +127,11 @@ TEST(LivOdometry, DeadReckonsThroughAnEmptyScan) {
   for (int i = 0; i <= 30; ++i) history.add(motionAt(0.1 * i, 10, 0));
   Random rnd(1);
   const Scan good{1.0, "lidar", Pose::Identity(), test::street(rnd, 0.01), {}, {}};
-  (void)odometry.add(good, history);
-  const auto step = odometry.add({1.2, "lidar", Pose::Identity(), {}, {}, {}}, history);
+  (void)odometry.add(alone(good), history);
+  const auto step = odometry.add(alone({1.2, "lidar", Pose::Identity(), {}, {}, {}}), history);
   EXPECT_FALSE(step.trusted);
-  EXPECT_NEAR(step.T_odom_body.translation().x(), 2.0, 1e-9);              // 10 m/s for 0.2 s
-  EXPECT_THROW((void)odometry.add(good, history), std::invalid_argument);  // older than the last
+  EXPECT_NEAR(step.T_odom_body.translation().x(), 2.0, 1e-9);                     // 10 m/s for 0.2 s
+  EXPECT_THROW((void)odometry.add(alone(good), history), std::invalid_argument);  // older than the last
 }
 
 TEST(LivOdometry, BeginsWithTheFirstScanThatHasPoints) {
@@ -138,10 +141,11 @@ TEST(LivOdometry, BeginsWithTheFirstScanThatHasPoints) {
   for (int i = 0; i <= 30; ++i) history.add(motionAt(0.1 * i, 0, 0));
   Random rnd(2);
   const Cloud street = test::street(rnd, 0.01);
-  EXPECT_FALSE(odometry.add({1.0, "lidar", Pose::Identity(), {}, {}, {}}, history).trusted);
+  EXPECT_FALSE(odometry.add(alone({1.0, "lidar", Pose::Identity(), {}, {}, {}}), history).trusted);
   bool trusted = false;
   for (int i = 0; i < 15; ++i)
-    trusted = odometry.add({1.1 + 0.1 * i, "lidar", Pose::Identity(), street, {}, {}}, history).trusted;
+    trusted =
+        odometry.add(alone({1.1 + 0.1 * i, "lidar", Pose::Identity(), street, {}, {}}), history).trusted;
   EXPECT_TRUE(trusted);  // an empty local map is begun anew after ten scans at the latest
 }
 
@@ -154,11 +158,11 @@ TEST(LivOdometry, BeginsAnewWhereItsMapEnds) {
   const Cloud here = test::street(rnd, 0.01);
   const Cloud elsewhere =
       transformed(here, Pose(Eigen::Translation3d(0, 300, 0)));  // beyond the crop: nothing is left
-  (void)odometry.add({1.0, "lidar", Pose::Identity(), here, {}, {}}, history);
+  (void)odometry.add(alone({1.0, "lidar", Pose::Identity(), here, {}, {}}), history);
   for (int i = 0; i < 5; ++i)
     EXPECT_FALSE(
-        odometry.add({1.1 + 0.1 * i, "lidar", Pose::Identity(), elsewhere, {}, {}}, history).trusted);
-  EXPECT_TRUE(odometry.add({1.7, "lidar", Pose::Identity(), here, {}, {}}, history)
+        odometry.add(alone({1.1 + 0.1 * i, "lidar", Pose::Identity(), elsewhere, {}, {}}), history).trusted);
+  EXPECT_TRUE(odometry.add(alone({1.7, "lidar", Pose::Identity(), here, {}, {}}), history)
                   .trusted);  // the old map is still there
 }
 
