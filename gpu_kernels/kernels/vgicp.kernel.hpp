@@ -50,7 +50,7 @@ RACELOC_DEVICE double overBlocks(const double* partials, std::uint32_t blocks) {
     for (std::uint32_t j = 0; j < at_once; ++j)
       of_block[j] = simt::fromOtherBlock(partials[(b + j * kPassWarps) * kSums + simt::lane()]);
     RACELOC_UNROLL
-    for (std::uint32_t j = 0; j < at_once; ++j) part += of_block[j];
+    for (const double one : of_block) part += one;
   }
   for (; b < blocks; b += kPassWarps) part += simt::fromOtherBlock(partials[b * kSums + simt::lane()]);
   of_part[simt::warp()][simt::lane()] = part;

@@ -125,7 +125,7 @@ Registration LivOdometry::matched(const CovarianceCloud& scan, const Pose& T_gue
   const auto believable = [&](const Registration& match) {
     return predicted ? match.plausible(x_gicp) : match.trusted(x_gicp);
   };
-  const Registration near = align(x_context, scan, x_local_map, T_guess, x_gicp);
+  Registration near = align(x_context, scan, x_local_map, T_guess, x_gicp);
   if (believable(near)) return near;
   // Pairs are looked for farther away, and the place that this gives is then matched as every other: a bad guess does not lock
   // the odometry out.
@@ -135,7 +135,7 @@ Registration LivOdometry::matched(const CovarianceCloud& scan, const Pose& T_gue
   farther.max_distance_m = std::max(x_gicp.max_distance_m, 2 * x_gicp.voxel_size_m);
   const Registration far = align(x_context, scan, x_local_map, T_guess, farther);
   if (!far.trusted(farther)) return near;
-  const Registration there = align(x_context, scan, x_local_map, far.T_target_source, x_gicp);
+  Registration there = align(x_context, scan, x_local_map, far.T_target_source, x_gicp);
   return believable(there) ? there : near;
 }
 
