@@ -27,7 +27,7 @@ DESCRIPTION
   and verdicts.
   A GPS fix with a heading says where to look for the car, and a scan match there starts the filter.
   With --odometry-only there is no map and no GPS: LiDAR, IMU, wheel speed and steering alone, in the frame of the
-  first scan; it also tells what it learnt of the sensors' errors.
+  first scan, turned level by the accelerometer; it also tells what it learnt of the sensors' errors.
 
 EXAMPLES
   raceloc-live -c ini/live.ini -m monza.rlmap -i race.rawlog -o out.rawlog --trajectory race.tum
@@ -85,6 +85,9 @@ void print(const OdometryReport& r) {
   learnt("traction slip", kTraction, 0.01, "% per m/s^2");
   learnt("steering offset", kSteeringOffset, kDegree, "deg");
   learnt("side-slip", kSideslip, kDegree, "deg per m/s^2");
+  if (r.level)
+    std::printf("level            roll %.2f, pitch %.2f +- %.2f deg at the end, by the accelerometer\n",
+                r.level->roll_rad() / kDegree, r.level->pitch_rad() / kDegree, r.level->sigma_rad / kDegree);
 }
 
 /** Runs `play(progress)` with a line of progress. */

@@ -42,6 +42,7 @@ struct ImuSample {
   std::string label;
   Eigen::Vector3d gyro_body_rps;
   Eigen::Vector3d specific_force_body_mps2;  ///< about +9.81 on z at rest
+  Eigen::Vector3d p_body_imu_m;
 };
 
 /** Speed and turn of the car, from its own electronics. */

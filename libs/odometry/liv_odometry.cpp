@@ -19,12 +19,14 @@ void OdometryOptions::describe(OptionList& keys) {
 }
 
 LivOdometry::LivOdometry(gpu::Context& context, const OdometryOptions& options, const CropOptions& crop,
-                         const CovarianceOptions& covariance, const GicpOptions& gicp)
+                         const CovarianceOptions& covariance, const GicpOptions& gicp,
+                         const LevelOptions& level)
     : x_context(context),
       x_options(options),
       x_crop(crop),
       x_covariance(covariance),
       x_gicp(gicp),
+      x_levelling(level),
       x_local_map(context, gicp.voxel_size_m) {}
 
 namespace {
@@ -98,11 +100,13 @@ OdometryStep LivOdometry::add(const Sweep& sweep, MotionHistory& history) {
                       2 * step.match.covariance);
     const Pose T_odom_body = now.pose;
     step.since_last = {duration_s, x_T_odom_body.inverse() * T_odom_body, now.covariance};
+    x_levelling.add(*x_last_stamp_s, x_T_odom_body.linear(), step.since_last, history);
     x_ever_matched = x_ever_matched || step.trusted;
     x_T_odom_body = T_odom_body;
     x_last_motion = step.since_last;
   }
   step.T_odom_body = x_T_odom_body;
+  step.level = x_levelling.level(x_T_odom_body.linear());
   x_last_stamp_s = step.stamp_s;
 
   x_lost_in_a_row = step.trusted ? 0 : x_lost_in_a_row + 1;

@@ -9,6 +9,7 @@
 
 #include "cloud/crop.h"
 #include "cloud/deskew.h"
+#include "odometry/levelling.h"
 #include "odometry/motion_history.h"
 #include "registration/align.h"
 
@@ -34,14 +35,15 @@ struct OdometryStep {
   bool
       by_wheels;  ///< guess and de-skew by wheel speed; false: by the speed of the last match and the gyro, or by
                   ///< the motion between the last scans
-  CovarianceCloud scan;  ///< body frame at stamp_s, de-skewed, cropped, thinned
-  Cloud full_scan;       ///< body frame at stamp_s, de-skewed and cropped, not thinned
+  std::optional<Level> level;  ///< roll and pitch against gravity; none without an accelerometer
+  CovarianceCloud scan;        ///< body frame at stamp_s, de-skewed, cropped, thinned
+  Cloud full_scan;             ///< body frame at stamp_s, de-skewed and cropped, not thinned
 };
 
 class LivOdometry {
  public:
   LivOdometry(gpu::Context& context, const OdometryOptions& options, const CropOptions& crop,
-              const CovarianceOptions& covariance, const GicpOptions& gicp);
+              const CovarianceOptions& covariance, const GicpOptions& gicp, const LevelOptions& level = {});
 
   /** The next sweep, which ends later than the one before. `history` must reach to its end to be of use; without it the motion
    * between the last two sweeps goes on. What is matched calibrates it. \throws std::invalid_argument if the end is not
@@ -58,6 +60,7 @@ class LivOdometry {
   CropOptions x_crop;
   CovarianceOptions x_covariance;
   GicpOptions x_gicp;
+  Levelling x_levelling;
   gpu::VoxelMap x_local_map;
   std::optional<double> x_last_stamp_s;
   Pose x_T_odom_body = Pose::Identity();

@@ -91,6 +91,7 @@ void MotionHistory::add(const ImuSample& sample) {
   const bool same = x_last_imu_s && isStuck(sample.gyro_body_rps, x_last_gyro_rps);
   x_last_imu_s = sample.stamp_s;
   x_imu_label = sample.label;
+  x_p_body_imu_m = sample.p_body_imu_m;
   if (!same) {
     x_same_gyro = 0;
     x_same_gyro_since_s = sample.stamp_s;
@@ -289,6 +290,26 @@ std::optional<MotionHistory::Rates> MotionHistory::ratesBetween(double from_s, d
   if (!covered) return std::nullopt;
   const Vector6d mean = duration_s > 0 ? Vector6d(sum / duration_s) : ratesAt(from_s)->twist;
   return Rates{mean(3), mean(2)};
+}
+
+std::optional<MotionHistory::Impulse> MotionHistory::impulse(double from_s, double to_s) const {
+  Impulse felt{Eigen::Vector3d::Zero(), Eigen::Matrix3d::Zero()};
+  Eigen::Matrix3d R = Eigen::Matrix3d::Identity();
+  double at_s = from_s;
+  bool silent = false;
+  const bool covered = forCells(from_s, to_s, [&](const BodyRates& rates, double step_s) {
+    Vector6d half = Vector6d::Zero();
+    half.head<3>() = 0.5 * step_s * rates.twist.head<3>();
+    const Eigen::Matrix3d R_half = se3Exp(half).linear();
+    const Eigen::Matrix3d R_mid = R * R_half;
+    const auto force_mps2 = x_force_mps2.at(at_s + 0.5 * step_s);
+    silent = silent || !force_mps2;
+    if (force_mps2) felt.impulse_mps += step_s * (R_mid * *force_mps2);
+    felt.turned_s += step_s * R_mid;
+    R = R_mid * R_half;
+    at_s += step_s;
+  });
+  return covered && !silent ? std::optional(felt) : std::nullopt;
 }
 
 std::optional<SweepPoses> MotionHistory::sweep(double begin_s, double end_s) const {

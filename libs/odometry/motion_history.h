@@ -78,6 +78,15 @@ class MotionHistory {
   /** As preintegrated(); the covariance is of noise and calibration. */
   [[nodiscard]] std::optional<BodyMotion> between(double from_s, double to_s) const;
 
+  /** What the accelerometer felt over an interval, in the body's axes at its begin, where R(t) leads from those at t. */
+  struct Impulse {
+    Eigen::Vector3d impulse_mps;  ///< integral of R f
+    Eigen::Matrix3d turned_s;     ///< integral of R
+  };
+  /** None when the interval is not covered, or the accelerometer was silent in it. */
+  [[nodiscard]] std::optional<Impulse> impulse(double from_s, double to_s) const;
+  [[nodiscard]] const Eigen::Vector3d& p_body_imu_m() const { return x_p_body_imu_m; }
+
   /** A motion that was measured by other means: teaches the calibration, checks the wheels and, while they are silent,
    * tells the speed. Nothing if `to_s` is not later than `from_s`. \param covariance of the right increment (rad, m),
    * positive definite */
@@ -121,7 +130,7 @@ class MotionHistory {
       x_speed;  ///< measured or, where it was refused or silent, likely [m/s]; its variance
   TimeSeries<double> x_vehicle_yaw_rate_rps, x_steering_rad;
   std::optional<double> x_last_imu_s, x_last_wheels_s, x_same_gyro_since_s;
-  Eigen::Vector3d x_last_gyro_rps = Eigen::Vector3d::Zero();
+  Eigen::Vector3d x_last_gyro_rps = Eigen::Vector3d::Zero(), x_p_body_imu_m = Eigen::Vector3d::Zero();
   int x_same_gyro = 0;
   std::optional<MotionSample> x_last_vehicle;
   double x_same_vehicle_since_s = 0;

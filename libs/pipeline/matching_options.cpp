@@ -23,18 +23,20 @@ void MatchingOptions::load(IniFile& ini) {
   ini.load("motion", motion);
   ini.load("calibration", calibration);
   ini.load("odometry", odometry);
+  ini.load("level", level);
 }
 
 std::string MatchingOptions::iniText() const {
   return raceloc::iniText("log", log) + "\n" + raceloc::iniText("device", device) + "\n" +
          raceloc::iniText("crop", crop) + "\n" + raceloc::iniText("covariance", covariance) + "\n" +
          raceloc::iniText("registration", registration) + "\n" + raceloc::iniText("motion", motion) + "\n" +
-         raceloc::iniText("calibration", calibration) + "\n" + raceloc::iniText("odometry", odometry);
+         raceloc::iniText("calibration", calibration) + "\n" + raceloc::iniText("odometry", odometry) + "\n" +
+         raceloc::iniText("level", level);
 }
 
 OdometryStream odometryStream(gpu::Context& context, const MatchingOptions& o) {
   return {MotionHistory(o.motion, o.calibration),
-          LivOdometry(context, o.odometry, o.crop, o.covariance, o.registration),
+          LivOdometry(context, o.odometry, o.crop, o.covariance, o.registration, o.level),
           ScanQueue(labelsNamed(o.log.lidar_labels))};
 }
 

@@ -34,6 +34,7 @@ struct MatchingOptions {
   MotionOptions motion;
   CalibrationOptions calibration;
   OdometryOptions odometry;
+  LevelOptions level;
 
   void load(IniFile& ini);
   [[nodiscard]] std::string iniText() const;

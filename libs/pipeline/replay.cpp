@@ -177,6 +177,20 @@ ReplayReport replay(const std::string& log_path, const std::string& map_path, co
   return report;
 }
 
+namespace {
+
+/** The frame of a trajectory, turned about its origin so that its z axis is up, as the last pose knows it. */
+void turnLevel(Trajectory& trajectory, const Level& last) {
+  Pose T_level_odom = Pose::Identity();
+  T_level_odom.linear() =
+      Eigen::Quaterniond::FromTwoVectors(trajectory.poses.back().T_map_body.linear() * last.up_body,
+                                         Eigen::Vector3d::UnitZ())
+          .toRotationMatrix();
+  for (auto& pose : trajectory.poses) pose.T_map_body = T_level_odom * pose.T_map_body;
+}
+
+}  // namespace
+
 OdometryReport replayOdometry(const std::string& log_path, const ReplayOptions& options,
                               const std::function<void(double)>& progress) {
   const MatchingOptions& matching = options.localizer.matching;
@@ -190,8 +204,10 @@ OdometryReport replayOdometry(const std::string& log_path, const ReplayOptions& 
   LogReader reader(log_path, matching.log);
   OdometryReport report{};
   const auto hand = [&](const std::vector<OdometryStep>& steps) {
-    for (const OdometryStep& step : steps)
+    for (const OdometryStep& step : steps) {
       report.trajectory.poses.push_back({step.stamp_s, step.T_odom_body});
+      report.level = step.level;
+    }
   };
   while (auto sample = reader.next()) {
     progress(reader.progress());
@@ -202,6 +218,7 @@ OdometryReport replayOdometry(const std::string& log_path, const ReplayOptions& 
     hand(stream.add(std::move(*sample)));
   }
   hand(stream.finish());
+  if (report.level) turnLevel(report.trajectory, *report.level);
   const MotionCalibration& calibration = stream.history().calibration();
   report.device_reason = context.reason();
   report.recorded_s = summary.last_s - summary.first_s;

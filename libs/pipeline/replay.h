@@ -56,7 +56,8 @@ struct OdometryReport {
   OdometryTally odometry;
   std::size_t dropped_late;
   CalibrationVector calibration, calibration_sigma;
-  Trajectory trajectory;  ///< in the frame of the first scan's body
+  Trajectory trajectory;       ///< in the frame of the first scan's body, turned level where that is known
+  std::optional<Level> level;  ///< at the end; none without an accelerometer
 };
 
 /** LIV odometry of a log, without a map. \throws InputError for a log that cannot be read or has no scan of the

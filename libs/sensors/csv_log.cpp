@@ -51,6 +51,9 @@ void CsvImu::describe(OptionList& keys) {
   keys.add("accel_y", accel_y, "column, along y");
   keys.add("accel_z", accel_z, "column, along z");
   keys.add("accel_scale", accel_scale, between(-1e6, 1e6), "times a cell gives m/s^2");
+  keys.add("imu_x_m", imu_x_m, between(-20, 20), "IMU in the body, forward [m]");
+  keys.add("imu_y_m", imu_y_m, between(-20, 20), "left [m]");
+  keys.add("imu_z_m", imu_z_m, between(-20, 20), "up [m]");
 }
 
 void CsvVehicle::describe(OptionList& keys) {
@@ -207,7 +210,8 @@ void readImu(const CsvImu& imu, const CsvLog& source, Gathered& gathered) {
                                  numberIn(where, row[i + 2]));
         };
         gathered.samples.emplace_back(ImuSample{stampIn(where, row[0], imu.stamp_format), imu.label,
-                                                imu.gyro_scale * vector(1), imu.accel_scale * vector(4)});
+                                                imu.gyro_scale * vector(1), imu.accel_scale * vector(4),
+                                                Eigen::Vector3d(imu.imu_x_m, imu.imu_y_m, imu.imu_z_m)});
       });
   gathered.noteDropped(dropped, imu);
 }

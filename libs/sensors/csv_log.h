@@ -41,6 +41,7 @@ struct CsvImu : CsvFile {
   std::string gyro_x, gyro_y, gyro_z, accel_x, accel_y, accel_z;
   double gyro_scale = 1;   ///< to rad/s
   double accel_scale = 1;  ///< to m/s^2
+  double imu_x_m = 0, imu_y_m = 0, imu_z_m = 0;
   void describe(OptionList& keys);
 };
 

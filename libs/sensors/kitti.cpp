@@ -155,7 +155,8 @@ std::vector<Sample> samplesOf(const OxtsPacket& packet, const Pose& T_map_body,
     samples.emplace_back(GpsFix{packet.stamp_s, "gps_oxts", T_noisy * p_body_imu_m, cov_map_m2, p_body_imu_m,
                                 fixQuality(packet.position_mode)});
   }
-  samples.emplace_back(ImuSample{packet.stamp_s, "imu_oxts", packet.rate_rps, packet.specific_force_mps2});
+  samples.emplace_back(
+      ImuSample{packet.stamp_s, "imu_oxts", packet.rate_rps, packet.specific_force_mps2, p_body_imu_m});
   const double speed_mps = packet.forward_mps - packet.rate_rps.cross(p_body_imu_m).x();
   samples.emplace_back(MotionSample{packet.stamp_s, "vehicle", speed_mps, packet.rate_rps.z()});
   return samples;

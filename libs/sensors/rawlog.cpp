@@ -349,6 +349,7 @@ void LogWriter::writeSample(const InsPose& pose) {
 
 void LogWriter::writeSample(const ImuSample& imu) {
   auto o = observationAt<CObservationIMU>(imu.stamp_s, imu.label);
+  o.sensorPose = mrpt::poses::CPose3D(imu.p_body_imu_m.x(), imu.p_body_imu_m.y(), imu.p_body_imu_m.z());
   o.set(mrpt::obs::IMU_WX, imu.gyro_body_rps.x());
   o.set(mrpt::obs::IMU_WY, imu.gyro_body_rps.y());
   o.set(mrpt::obs::IMU_WZ, imu.gyro_body_rps.z());

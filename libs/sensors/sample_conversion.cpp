@@ -126,7 +126,8 @@ ImuSample imuSample(const CObservationIMU& imu) {
   };
   return {fromMrptStamp(imu.timestamp), imu.sensorLabel,
           R_body_imu * read(mrpt::obs::IMU_WX, mrpt::obs::IMU_WY, mrpt::obs::IMU_WZ),
-          R_body_imu * read(mrpt::obs::IMU_X_ACC, mrpt::obs::IMU_Y_ACC, mrpt::obs::IMU_Z_ACC)};
+          R_body_imu * read(mrpt::obs::IMU_X_ACC, mrpt::obs::IMU_Y_ACC, mrpt::obs::IMU_Z_ACC),
+          fromMrpt(imu.sensorPose).translation()};
 }
 
 bool isFinite(const InsPose& s) { return s.T_map_body.matrix().allFinite() && s.covariance.allFinite(); }

@@ -176,7 +176,8 @@ ImuSample ImuModel::measure(const TrueMotion& motion, double time_s, std::uint64
                   kDegree * o.gyro_limit_dps),
           limited(motion.specificForce_body_mps2(time_s, o.p_body_m()) + x_force_bias_mps2 +
                       o.force_sigma_mps2 * normals(x_noise, 6 * number + 3),
-                  o.force_limit_mps2)};
+                  o.force_limit_mps2),
+          o.p_body_m()};
 }
 
 VehicleModel::VehicleModel(const VehicleOptions& options, std::string label, std::uint64_t seed)

@@ -1,5 +1,5 @@
 /** \file
- * How well the car's own sources predict its motion: `prediction_bench MAP.ini LOG.rawlog TRUTH.tum`. Scans calibrate them on
+ * How well the car's own sources predict its motion, and know which way is up: `prediction_bench MAP.ini LOG.rawlog TRUTH.tum`. Scans calibrate them on
  * the way, as in the apps; a prediction knows only what had been learnt when it began. */
 #include <iostream>
 #include <map>
@@ -33,6 +33,7 @@ void run(const std::string& ini, const std::string& log, const std::string& trut
   std::vector<Begun> begun;
   std::map<double, Errors> by_horizon_s{{0.1, {}}, {0.5, {}}, {1.0, {}}, {2.0, {}}};
   std::size_t scans = 0, trusted = 0;
+  std::vector<double> level_deg;
   const auto judge = [&](double now_s) {
     for (auto& [horizon_s, errors] : by_horizon_s) {
       const auto from = std::find_if(begun.rbegin(), begun.rend(),
@@ -54,6 +55,10 @@ void run(const std::string& ini, const std::string& log, const std::string& trut
       ++scans;
       trusted += step.trusted ? 1 : 0;
       judge(step.stamp_s);
+      const auto T_true = interpolated(truth, step.stamp_s, 0.05);
+      if (step.level && T_true)
+        level_deg.push_back(
+            std::acos(std::min(1.0, step.level->up_body.dot(T_true->linear().row(2).transpose()))) / kDegree);
       begun.push_back({step.stamp_s, history.calibration().mean()});
     }
   }
@@ -68,6 +73,8 @@ void run(const std::string& ini, const std::string& log, const std::string& trut
               << " | " << number(quantile(errors.deg, 0.95), 4) << " |\n";
   const CalibrationVector c = history.calibration().mean();
   const CalibrationVector sigma = history.calibration().covariance().diagonal().cwiseSqrt();
+  std::cout << "\nroll and pitch against gravity: median " << number(quantile(level_deg, 0.5), 3) << ", p95 "
+            << number(quantile(level_deg, 0.95), 3) << " deg off in " << level_deg.size() << " scans\n";
   std::cout << "\ncalibration: gyro bias " << c.head<3>().transpose() / kDegree << " (" << sigma(2) / kDegree
             << ") deg/s, wheel scale " << c(kWheelScale) << " (" << sigma(kWheelScale)
             << "), steering offset " << c(kSteeringOffset) / kDegree << " ("

@@ -26,7 +26,8 @@ struct Cruise {
     return {stamp_s,
             "imu",
             {rnd.normal(1e-3), rnd.normal(1e-3), yaw_rate_rps + rnd.normal(1e-3)},
-            {rnd.normal(0.1), speed_mps * yaw_rate_rps + rnd.normal(0.1), kGravity_mps2 + rnd.normal(0.1)}};
+            {rnd.normal(0.1), speed_mps * yaw_rate_rps + rnd.normal(0.1), kGravity_mps2 + rnd.normal(0.1)},
+            {0, 0, 0}};
   }
   [[nodiscard]] MotionSample wheels(double stamp_s, double wheel_mps) const {
     return {stamp_s, "vehicle", wheel_mps, yaw_rate_rps, std::nullopt};
@@ -250,7 +251,7 @@ TEST(MotionHistory, IgnoresWhatIsNoNumberAndWhatIsOld) {
   const auto before = history.ratesBetween(0.1, 0.9);
   history.add(MotionSample{0.5, "vehicle", 99, 9});
   history.add(MotionSample{1.1, "vehicle", std::nan(""), 0});
-  history.add(ImuSample{1.1, "imu", {0, 0, std::nan("")}, {0, 0, kGravity_mps2}});
+  history.add(ImuSample{1.1, "imu", {0, 0, std::nan("")}, {0, 0, kGravity_mps2}, {0, 0, 0}});
   EXPECT_EQ(history.knownUntil_s(), 1.0);
   EXPECT_EQ(history.ratesBetween(0.1, 0.9)->speed_mps, before->speed_mps);
 }

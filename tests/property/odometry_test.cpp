@@ -57,7 +57,7 @@ TEST(MotionHistory, KnowsWhereItKnowsNothing) {
 TEST(MotionHistory, LeavesOutAYawRateThatTheGyroContradicts) {
   MotionHistory history({});
   for (int i = 0; i <= 10; ++i) {
-    history.add(ImuSample{0.1 * i, "imu", {0, 0, 0.3 + 1e-9 * i}, {0, 0, 9.81}});
+    history.add(ImuSample{0.1 * i, "imu", {0, 0, 0.3 + 1e-9 * i}, {0, 0, 9.81}, {0, 0, 0}});
     history.add(motionAt(0.1 * i, 10, -5.0));  // a broken yaw rate from the car
   }
   EXPECT_NEAR(history.ratesBetween(0, 1)->yaw_rate_rps, 0.3, 1e-7);

@@ -260,7 +260,8 @@ std::vector<Sample> anySamples(Random& rnd, int count) {
             MotionSample{stamp_s, label, rnd.uniform(0, 90), rnd.normal(), rnd.uniform(-0.4, 0.4)});
         break;
       case 2:
-        samples.emplace_back(ImuSample{stamp_s, label, rnd.vectorWithin(3), rnd.vectorWithin(30)});
+        samples.emplace_back(
+            ImuSample{stamp_s, label, rnd.vectorWithin(3), rnd.vectorWithin(30), rnd.vectorWithin(2)});
         break;
       case 3:
         samples.emplace_back(InsPose{stamp_s, label, rnd.pose(1, 100), anyCovariance(rnd)});
@@ -330,7 +331,7 @@ TEST_F(RawlogProperty, OriginalsMakeTheSameLogAgain) {
 TEST_F(RawlogProperty, RestComesBackExactly) {
   forAll(40, [&](Random& rnd) {
     const double stamp_s = 1.7e9 + rnd.integer(0, 1'000'000) * 1e-6;
-    const ImuSample imu{stamp_s, "imu_a", rnd.vectorWithin(3), rnd.vectorWithin(30)};
+    const ImuSample imu{stamp_s, "imu_a", rnd.vectorWithin(3), rnd.vectorWithin(30), rnd.vectorWithin(2)};
     MotionSample motion{stamp_s, "vehicle", rnd.uniform(-5, 90), rnd.uniform(-1, 1)};
     if (rnd.integer(0, 1) == 1) motion.steering_rad = rnd.uniform(-0.4, 0.4);
     {
@@ -346,6 +347,7 @@ TEST_F(RawlogProperty, RestComesBackExactly) {
     EXPECT_NEAR(read_imu.stamp_s, stamp_s, 2.4e-7);  // one step of a double at 1.7e9
     EXPECT_LT((read_imu.gyro_body_rps - imu.gyro_body_rps).norm(), 1e-15);
     EXPECT_LT((read_imu.specific_force_body_mps2 - imu.specific_force_body_mps2).norm(), 1e-14);
+    EXPECT_LT((read_imu.p_body_imu_m - imu.p_body_imu_m).norm(), 1e-15);
     const auto& read_motion = std::get<MotionSample>(samples[1]);
     EXPECT_EQ(read_motion.label, motion.label);
     EXPECT_EQ(read_motion.speed_mps, motion.speed_mps);

@@ -71,7 +71,8 @@ std::vector<Delivery> drive(Random& rnd) {
   };
   for (int i = 0; i < 1000; ++i) {
     const double t_s = 0.01 * i;
-    add(0.001, ImuSample{kStart_s + t_s, "imu", rnd.vectorWithin(1), rnd.vectorWithin(20)});
+    add(0.001,
+        ImuSample{kStart_s + t_s, "imu", rnd.vectorWithin(1), rnd.vectorWithin(20), rnd.vectorWithin(2)});
     add(0.002, MotionSample{kStart_s + t_s, "vehicle", rnd.uniform(20, 70), rnd.uniform(-0.3, 0.3),
                             rnd.uniform(-0.1, 0.1)});
     if (i % 10 == 0)
@@ -528,7 +529,8 @@ TEST(MessageFaultProperty, ShuffledDelaysAreUniformAndChangeTheOrder) {
     int overtaken = 0;
     for (int i = 0; i < n; ++i) {
       const double stamp_s = kStart_s + 0.01 * i;
-      const auto result = injector.apply({stamp_s, ImuSample{stamp_s, "imu", {0, 0, 1}, {0, 0, 9.81}}});
+      const auto result =
+          injector.apply({stamp_s, ImuSample{stamp_s, "imu", {0, 0, 1}, {0, 0, 9.81}, {0, 0, 0}}});
       const double share = (result.at(0).arrival_s - stamp_s) / fault.window_s;
       sum += share;
       squares += (share - 0.5) * (share - 0.5);
@@ -696,7 +698,7 @@ TEST(LidarFaultProperty, OffLosesTheScans) {
 
 TEST(ImuFaultProperty, BiasIsAddedAndSaturationClamps) {
   forAll(50, [](Random& rnd) {
-    const ImuSample imu{kStart_s, "imu", rnd.vectorWithin(1), rnd.vectorWithin(30)};
+    const ImuSample imu{kStart_s, "imu", rnd.vectorWithin(1), rnd.vectorWithin(30), rnd.vectorWithin(2)};
     auto bias = faultOf(FaultKind::imu_bias_step);
     const Eigen::Vector3d gyro_dps = rnd.vectorWithin(5), acc_mps2 = rnd.vectorWithin(2);
     bias.gyro_x_dps = gyro_dps.x(), bias.gyro_y_dps = gyro_dps.y(), bias.gyro_z_dps = gyro_dps.z();
