@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "support/centre_line.h"
 #include "support/forall.h"
 #include "track/circuit.h"
 #include "track/driven_line.h"
@@ -73,9 +74,7 @@ Road& stadium(Road& road, double gap_m) {
 
 TEST(TrackIdsProperty, NoiseBelowHalfASpacingMovesAnIdByAtMostOne) {
   const Track track = readCircuit(RACELOC_ROOT "/share/tracks/monza_like.ini").track;
-  Line line;
-  for (double s_m = 0; s_m < track.length_m(); s_m += 1)
-    line.push_back(track.at(s_m).T_map_road.translation());
+  const Line line = test::centreLine(track, 1);
   forAll(20, [&](Random& rnd) {
     const double spacing_m = rnd.uniform(2, 10);
     const auto way_points = wayPointsAlong(line, spacing_m);
@@ -166,9 +165,7 @@ TEST(TrackIdsProperty, APitLaneBeyondTheReachHasNoIds) {
 
 TEST(TrackIdsProperty, ARigidMoveOfEverythingLeavesIdsAlone) {
   const Track track = readCircuit(RACELOC_ROOT "/share/tracks/lvms.ini").track;
-  Line line;
-  for (double s_m = 0; s_m < track.length_m(); s_m += 2)
-    line.push_back(track.at(s_m).T_map_road.translation());
+  const Line line = test::centreLine(track, 2);
   forAll(20, [&](Random& rnd) {
     const Pose T_moved_map = poseFromRpy(rnd.vectorWithin(5000), 0, 0, rnd.uniform(-M_PI, M_PI));
     Line moved;

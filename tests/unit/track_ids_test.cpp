@@ -8,6 +8,7 @@
 #include <sstream>
 
 #include "core/errors.h"
+#include "support/centre_line.h"
 #include "track/circuit.h"
 #include "track/driven_line.h"
 #include "track/racetrack_dict.h"
@@ -141,10 +142,7 @@ TEST(RacetrackDict, RefusesWhatCannotBe) {
  * where that way-point is [dm]. Saved maps are keyed by these: a change of the file says why. */
 TEST(TrackIdsGolden, MonzaLikeKeepsItsIds) {
   const Track track = readCircuit(RACELOC_ROOT "/share/tracks/monza_like.ini").track;
-  std::vector<Eigen::Vector3d> line;
-  for (double s_m = 0; s_m < track.length_m(); s_m += 2)
-    line.push_back(track.at(s_m).T_map_road.translation());
-  const TrackIds ids(wayPointsAlong(line, TrackIdOptions{}.spacing_m), {});
+  const TrackIds ids(wayPointsAlong(test::centreLine(track, 2), TrackIdOptions{}.spacing_m), {});
   std::ostringstream text;
   text << ids.count() << " way-points\n";
   for (int k = 0; 37 * k < track.length_m(); ++k) {
