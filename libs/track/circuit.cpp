@@ -1,7 +1,6 @@
 #include "track/circuit.h"
 
 #include <algorithm>
-#include <charconv>
 #include <cmath>
 #include <cstdio>
 #include <filesystem>
@@ -10,6 +9,7 @@
 #include <optional>
 
 #include "core/errors.h"
+#include "track/csv_numbers.h"
 
 namespace raceloc {
 
@@ -257,22 +257,6 @@ std::vector<Segment> readSegments(IniFile& ini, const Segment& common) {
 }
 
 // ---- Centre lines
-
-std::vector<double> numbersIn(const std::string& line) {
-  std::vector<double> numbers;
-  const char* at = line.data();
-  const char* const end = at + line.size();
-  while (at < end) {
-    while (at < end && (*at == ' ' || *at == '\t' || *at == ',' || *at == ';' || *at == '\r')) ++at;
-    if (at == end) break;
-    double number = 0;
-    const auto [next, error] = std::from_chars(at, end, number);
-    if (error != std::errc() || !std::isfinite(number)) return {};
-    numbers.push_back(number);
-    at = next;
-  }
-  return numbers;
-}
 
 /** Points of the CSV, the first one moved to the origin. */
 ClosedLine readCentreLine(const std::string& path) {

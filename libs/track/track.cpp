@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <stdexcept>
 
+#include "track/planar_cells.h"
+
 namespace raceloc {
 
 namespace {
@@ -64,7 +66,7 @@ Track::Track(const std::vector<TrackPoint>& points) {
   for (std::size_t i = 0; i < stations; ++i) {
     const double s_m = static_cast<double>(i) * kStations_m;
     const auto p = x_road(s_m).value;
-    x_stations[cellOf(p.x(), p.y())].push_back(s_m);
+    x_stations[planarCell(p.x(), p.y(), kCell_m)].push_back(s_m);
   }
 }
 
@@ -115,13 +117,6 @@ SurfacePoint Track::surface(double s_m, double n_m) const {
   return point;
 }
 
-std::uint64_t Track::cellOf(double x_m, double y_m) {
-  const auto index = [](double v_m) {
-    return static_cast<std::uint32_t>(static_cast<std::int32_t>(std::floor(v_m / kCell_m)));
-  };
-  return (static_cast<std::uint64_t>(index(x_m)) << 32) | index(y_m);
-}
-
 std::optional<Track::Place> Track::locate(const Eigen::Vector3d& p_map_m, double within_m) const {
   constexpr double kFarthest_m = 1e6;  // cells are numbered by 32 bits; NaN is nowhere either
   if (!(p_map_m.cwiseAbs().maxCoeff() < kFarthest_m) || !p_map_m.allFinite()) return std::nullopt;
@@ -130,7 +125,8 @@ std::optional<Track::Place> Track::locate(const Eigen::Vector3d& p_map_m, double
   double best_s_m = 0, best_m = reach_m;
   for (int dx = -cells; dx <= cells; ++dx)
     for (int dy = -cells; dy <= cells; ++dy) {
-      const auto cell = x_stations.find(cellOf(p_map_m.x() + dx * kCell_m, p_map_m.y() + dy * kCell_m));
+      const auto cell =
+          x_stations.find(planarCell(p_map_m.x() + dx * kCell_m, p_map_m.y() + dy * kCell_m, kCell_m));
       if (cell == x_stations.end()) continue;
       for (const double s_m : cell->second) {
         const double distance_m = (x_road(s_m).value.head<3>() - p_map_m).norm();

@@ -60,7 +60,6 @@ class Track {
 
  private:
   static constexpr double kCell_m = 20;
-  [[nodiscard]] static std::uint64_t cellOf(double x_m, double y_m);
   PeriodicSpline<6> x_road;                                           ///< x y z bank right left
   std::unordered_map<std::uint64_t, std::vector<double>> x_stations;  ///< s [m] every 5 m, by planar cell
 };
