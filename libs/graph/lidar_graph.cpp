@@ -1,12 +1,10 @@
 #include "graph/lidar_graph.h"
 
-#include <ceres/ceres.h>
-
-#include <Eigen/Cholesky>
 #include <cmath>
 #include <stdexcept>
+#include <utility>
 
-#include "graph/factors.h"
+#include "graph/optimise.h"
 
 namespace raceloc {
 
@@ -26,17 +24,16 @@ void GraphOptions::describe(OptionList& keys) {
 
 namespace {
 
-/** W with W' W = C^-1. */
-template <int N>
-Eigen::Matrix<double, N, N> whiteningOf(const Eigen::Matrix<double, N, N>& covariance) {
-  const Eigen::Matrix<double, N, N> information = covariance.inverse();
-  return information.llt().matrixU();
+Matrix6d flooredOdometry(const Matrix6d& covariance, const GraphOptions& o) {
+  Matrix6d floored = covariance;
+  floored.diagonal().head<3>().array() += std::pow(o.odometry_sigma_deg * kDegree, 2);
+  floored.diagonal().tail<3>().array() += std::pow(o.odometry_sigma_m, 2);
+  return floored;
 }
 
-struct PoseBlocks {
-  Eigen::Quaterniond q;
-  Eigen::Vector3d p;
-};
+Eigen::Matrix3d floored(const Eigen::Matrix3d& covariance, double sigma) {
+  return covariance + sigma * sigma * Eigen::Matrix3d::Identity();
+}
 
 }  // namespace
 
@@ -69,78 +66,39 @@ GraphSolution solveLidarGraph(const std::vector<Keyframe>& keyframes, const Grap
     }
   const Pose T_map_odom = odom_m.empty() ? Pose::Identity() : alignLevel(odom_m, map_m);
 
-  std::vector<PoseBlocks> poses;
-  poses.reserve(keyframes.size());
-  for (const auto& k : keyframes) {
-    const Pose T = T_map_odom * k.T_odom_body;
-    poses.push_back({Eigen::Quaterniond(T.linear()), T.translation()});
-  }
-
-  ceres::Problem problem;
-  for (auto& pose : poses) {
-    problem.AddParameterBlock(pose.q.coeffs().data(), 4, new ceres::EigenQuaternionManifold);
-    problem.AddParameterBlock(pose.p.data(), 3);
-  }
-  const double odometry_rad2 = std::pow(o.odometry_sigma_deg * M_PI / 180, 2);
-  const double attitude_rad2 = std::pow(o.attitude_min_sigma_deg * M_PI / 180, 2);
-  const double odometry_m2 = std::pow(o.odometry_sigma_m, 2);
+  PoseGraph graph;
   for (std::size_t i = 0; i < keyframes.size(); ++i) {
     const Keyframe& k = keyframes[i];
-    double* q = poses[i].q.coeffs().data();
-    double* p = poses[i].p.data();
-    if (i > 0) {
-      Matrix6d covariance = k.since_last.covariance;
-      covariance.diagonal().head<3>().array() += odometry_rad2;
-      covariance.diagonal().tail<3>().array() += odometry_m2;
-      problem.AddResidualBlock(new ceres::AutoDiffCostFunction<BetweenFactor, 6, 4, 3, 4, 3>(
-                                   new BetweenFactor{k.since_last.T_start_end, whiteningOf<6>(covariance)}),
-                               nullptr, poses[i - 1].q.coeffs().data(), poses[i - 1].p.data(), q, p);
-    }
-    if (k.gps) {
-      const Eigen::Matrix3d covariance =
-          k.gps->cov_map_m2 + std::pow(o.gps_min_sigma_m, 2) * Eigen::Matrix3d::Identity();
-      problem.AddResidualBlock(
-          new ceres::AutoDiffCostFunction<GpsFactor, 3, 4, 3>(
-              new GpsFactor{k.gps->p_map_antenna_m, k.gps->p_body_antenna_m, whiteningOf<3>(covariance)}),
-          new ceres::CauchyLoss(o.gps_robust_width), q, p);
-    }
+    graph.T_map_body.push_back(T_map_odom * k.T_odom_body);
+    if (i > 0)
+      graph.factors.emplace_back(BetweenFactor{
+          i - 1, i, k.since_last.T_start_end, whiteningOf(flooredOdometry(k.since_last.covariance, o)), {}});
+    if (k.gps)
+      graph.factors.emplace_back(PositionFactor{i,
+                                                k.gps->p_map_antenna_m,
+                                                k.gps->p_body_antenna_m,
+                                                whiteningOf(floored(k.gps->cov_map_m2, o.gps_min_sigma_m)),
+                                                {RobustLoss::Kind::cauchy, o.gps_robust_width}});
     if (k.attitude)
-      problem.AddResidualBlock(
-          new ceres::AutoDiffCostFunction<AttitudeFactor, 3, 4>(new AttitudeFactor{
-              Eigen::Quaterniond(k.attitude->R_map_body),
-              whiteningOf<3>(k.attitude->covariance_rad2 + attitude_rad2 * Eigen::Matrix3d::Identity())}),
-          nullptr, q);
+      graph.factors.emplace_back(AttitudeFactor{
+          i,
+          k.attitude->R_map_body,
+          whiteningOf(floored(k.attitude->covariance_rad2, o.attitude_min_sigma_deg * kDegree)),
+          {}});
     else
-      problem.AddResidualBlock(
-          new ceres::AutoDiffCostFunction<LevelFactor, 2, 4>(new LevelFactor{o.level_sigma_deg * M_PI / 180}),
-          nullptr, q);
+      graph.factors.emplace_back(LevelFactor{i, o.level_sigma_deg * kDegree, {}});
   }
-  if (odom_m.empty()) {
-    problem.SetParameterBlockConstant(poses[0].q.coeffs().data());
-    problem.SetParameterBlockConstant(poses[0].p.data());
-  }
-
-  ceres::Solver::Options solver;
-  solver.linear_solver_type = ceres::SPARSE_NORMAL_CHOLESKY;
-  solver.sparse_linear_algebra_library_type = ceres::SUITE_SPARSE;
-  solver.max_num_iterations = o.max_iterations;
-  solver.function_tolerance = 1e-10;
-  solver.num_threads = 1;  // the same bits every time
-  solver.logging_type = ceres::SILENT;
-  ceres::Solver::Summary summary;
-  ceres::Solve(solver, &problem, &summary);
-  if (!summary.IsSolutionUsable()) throw std::runtime_error("pose graph: " + summary.message);
+  if (odom_m.empty()) graph.held = 0;
+  OptimiseOptions solver;
+  solver.max_iterations = o.max_iterations;
+  const OptimiseResult result = optimise(graph, solver);
 
   GraphSolution solution{
-      {}, summary.initial_cost, summary.final_cost, 0, 0, summary.termination_type == ceres::CONVERGENCE};
+      std::move(graph.T_map_body), result.initial_cost, result.final_cost, 0, 0, result.converged};
   double squared_m2 = 0;
   for (std::size_t i = 0; i < keyframes.size(); ++i) {
-    Pose T = Pose::Identity();
-    T.linear() = poses[i].q.normalized().toRotationMatrix();
-    T.translation() = poses[i].p;
-    solution.T_map_body.push_back(T);
     if (const auto& gps = keyframes[i].gps) {
-      squared_m2 += (T * gps->p_body_antenna_m - gps->p_map_antenna_m).squaredNorm();
+      squared_m2 += (solution.T_map_body[i] * gps->p_body_antenna_m - gps->p_map_antenna_m).squaredNorm();
       ++solution.gps_factors;
     }
   }

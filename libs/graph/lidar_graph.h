@@ -34,7 +34,7 @@ struct GraphSolution {
  * - GPS: p + R r - z, whitened by the fix's floored covariance, Cauchy loss;
  * - attitude: log(R_ins' R) where an INS gave one; else roll and pitch are held level by `level_sigma_deg`,
  * because positions along a straight do not fix the roll about it. Without any GPS the first pose is held at
- * the identity: the map frame is then the odometry's. Ceres with SuiteSparse. Source: reading.md section 3,
+ * the identity: the map frame is then the odometry's. Solved by optimise(). Source: reading.md section 3,
  * eq_gps_factor, eq_lidar_factor. \throws std::invalid_argument for fewer than 2 key poses. */
 [[nodiscard]] GraphSolution solveLidarGraph(const std::vector<Keyframe>& keyframes,
                                             const GraphOptions& options);

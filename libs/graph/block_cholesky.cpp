@@ -1,0 +1,363 @@
+#include "graph/block_cholesky.h"
+
+#include <cholmod.h>
+
+#include <algorithm>
+#include <array>
+#include <new>
+#include <stdexcept>
+
+namespace raceloc {
+
+namespace {
+
+constexpr int kBlock = 6;
+/** So many of the newest poses are ordered last. */
+constexpr std::size_t kNewest = 20;
+
+using BlockMap = Eigen::Map<Matrix6d, 0, Eigen::OuterStride<>>;
+
+/** CHOLMOD's Common, which every object of it needs until its end. */
+struct Common : cholmod_common {
+  Common() {
+    cholmod_start(this);
+    print = 0;
+    nmethods = 1;
+  }
+  ~Common() { cholmod_finish(this); }
+  Common(const Common&) = delete;
+  Common& operator=(const Common&) = delete;
+};
+
+struct FreeSparse {
+  Common* common;
+  void operator()(cholmod_sparse* m) const { cholmod_free_sparse(&m, common); }
+};
+struct FreeDense {
+  Common* common;
+  void operator()(cholmod_dense* m) const { cholmod_free_dense(&m, common); }
+};
+struct FreeFactor {
+  Common* common;
+  void operator()(cholmod_factor* m) const { cholmod_free_factor(&m, common); }
+};
+using Sparse = std::unique_ptr<cholmod_sparse, FreeSparse>;
+using Dense = std::unique_ptr<cholmod_dense, FreeDense>;
+using Factorization = std::unique_ptr<cholmod_factor, FreeFactor>;
+
+template <class T>
+T* allocated(T* object) {  // CHOLMOD returns null where it has no memory
+  if (!object) throw std::bad_alloc();
+  return object;
+}
+
+int* columnsOf(cholmod_sparse& m) { return static_cast<int*>(m.p); }
+int* rowsOf(cholmod_sparse& m) { return static_cast<int*>(m.i); }
+double* valuesOf(cholmod_sparse& m) { return static_cast<double*>(m.x); }
+double* valuesOf(cholmod_dense& m) { return static_cast<double*>(m.x); }
+
+Sparse newSparse(Common& common, std::size_t rows, std::size_t columns, std::size_t entries, int symmetry,
+                 int type) {
+  return {allocated(cholmod_allocate_sparse(rows, columns, entries, 1, 1, symmetry, type, &common)),
+          {&common}};
+}
+
+using Links = std::vector<std::pair<int, int>>;  ///< (column, row) with column < row, sorted, unique
+
+Links below(Links links) {
+  for (auto& [a, b] : links)
+    if (a > b) std::swap(a, b);
+  std::sort(links.begin(), links.end());
+  links.erase(std::unique(links.begin(), links.end()), links.end());
+  return links;
+}
+
+/** Poses in order of elimination. */
+std::vector<int> ordering(Common& common, std::size_t poses, const Links& links, bool newest_last) {
+  const auto pattern = newSparse(common, poses, poses, links.size(), -1, CHOLMOD_PATTERN);
+  int* column = columnsOf(*pattern);
+  std::fill(column, column + poses + 1, 0);
+  for (std::size_t k = 0; k < links.size(); ++k) {
+    ++column[links[k].first + 1];
+    rowsOf(*pattern)[k] = links[k].second;
+  }
+  for (std::size_t i = 0; i < poses; ++i) column[i + 1] += column[i];
+  std::vector<int> order(poses);
+  if (newest_last) {
+    std::vector<int> group(poses, 0);
+    std::fill(group.end() - static_cast<std::ptrdiff_t>(std::min(poses, kNewest)), group.end(), 1);
+    if (!cholmod_camd(pattern.get(), nullptr, 0, group.data(), order.data(), &common)) throw std::bad_alloc();
+    return order;
+  }
+  common.method[0].ordering = CHOLMOD_AMD;
+  common.postorder = 1;
+  const Factorization symbolic(allocated(cholmod_analyze(pattern.get(), &common)), {&common});
+  const int* first = static_cast<const int*>(symbolic->Perm);
+  std::copy(first, first + poses, order.begin());
+  return order;
+}
+
+}  // namespace
+
+struct BlockCholesky::Store {
+  Common common;
+  std::size_t poses;         ///< in the factor
+  std::size_t capacity;      ///< and with its room; a pose to come is a row of the identity
+  std::vector<int> place;    ///< of a pose in the order of elimination
+  std::vector<int> pose_at;  ///< its inverse
+  std::vector<int> first;    ///< of each place's blocks in `rows`
+  std::vector<int> rows;     ///< places of the blocks of a column, ascending, the diagonal first
+  Sparse H{nullptr, {&common}};
+  Factorization L{nullptr, {&common}};
+  Dense b{nullptr, {&common}}, x{nullptr, {&common}}, y{nullptr, {&common}}, e{nullptr, {&common}};
+  Sparse near{nullptr, {&common}}, reached{nullptr, {&common}};
+  double flops_whole = 0, flops_changed = 0;
+
+  [[nodiscard]] int place_of(std::size_t pose) const {
+    return pose < place.size() ? place[pose] : static_cast<int>(pose);
+  }
+  [[nodiscard]] std::size_t pose_of(int at) const {
+    const auto i = static_cast<std::size_t>(at);
+    return i < pose_at.size() ? static_cast<std::size_t>(pose_at[i]) : i;
+  }
+  [[nodiscard]] int blocksIn(int column) const {
+    return first[static_cast<std::size_t>(column) + 1] - first[static_cast<std::size_t>(column)];
+  }
+  /** Block (row, column) of H; all blocks of a column lie in it one below the other. */
+  BlockMap block(int row, int column) {
+    const auto begin = rows.begin() + first[static_cast<std::size_t>(column)];
+    const auto found = std::lower_bound(begin, begin + blocksIn(column), row);
+    if (found == begin + blocksIn(column) || *found != row)
+      throw std::out_of_range("BlockCholesky: a factor of poses that are not linked");
+    const auto start = kBlock * kBlock * first[static_cast<std::size_t>(column)] + kBlock * (found - begin);
+    return BlockMap(valuesOf(*H) + start, Eigen::OuterStride<>(kBlock * blocksIn(column)));
+  }
+  /** x of solveNear(), through CHOLMOD's own handles, which it fills and grows. */
+  void solveReach() {
+    auto* x_raw = x.release();
+    auto* y_raw = y.release();
+    auto* e_raw = e.release();
+    auto* reached_raw = reached.release();
+    const int ok = cholmod_solve2(CHOLMOD_A, L.get(), b.get(), near.get(), &x_raw, &reached_raw, &y_raw,
+                                  &e_raw, &common);
+    x.reset(x_raw);
+    y.reset(y_raw);
+    e.reset(e_raw);
+    reached.reset(reached_raw);
+    if (!ok) throw std::bad_alloc();
+  }
+  void demand(std::size_t pose) {  // six entries of `near`, whose column is as long as asked so far
+    int* column = columnsOf(*near);
+    for (int k = 0; k < kBlock; ++k) rowsOf(*near)[column[1]++] = kBlock * place_of(pose) + k;
+  }
+};
+
+BlockCholesky::BlockCholesky(std::size_t poses, const std::vector<std::pair<std::size_t, std::size_t>>& links,
+                             std::size_t spare)
+    : x_(std::make_unique<Store>()) {
+  Common& common = x_->common;
+  x_->poses = poses;
+  x_->capacity = poses + spare;
+  Links pairs;
+  pairs.reserve(links.size());
+  for (const auto& [i, j] : links) {
+    if (i == j || i >= poses || j >= poses) throw std::out_of_range("BlockCholesky: a link of no two poses");
+    pairs.emplace_back(static_cast<int>(i), static_cast<int>(j));
+  }
+  pairs = below(std::move(pairs));
+  x_->pose_at = ordering(common, poses, pairs, spare > 0);
+  x_->place.resize(poses);
+  for (std::size_t k = 0; k < poses; ++k)
+    x_->place[static_cast<std::size_t>(x_->pose_at[k])] = static_cast<int>(k);
+  for (auto& [a, b] : pairs) {
+    a = x_->place[static_cast<std::size_t>(a)];
+    b = x_->place[static_cast<std::size_t>(b)];
+  }
+  pairs = below(std::move(pairs));
+
+  x_->first = {0};
+  auto pair = pairs.begin();
+  for (int column = 0; column < static_cast<int>(x_->capacity); ++column) {
+    x_->rows.push_back(column);
+    for (; pair != pairs.end() && pair->first == column; ++pair) x_->rows.push_back(pair->second);
+    x_->first.push_back(static_cast<int>(x_->rows.size()));
+  }
+  const std::size_t size = kBlock * x_->capacity;
+  x_->H = newSparse(common, size, size, kBlock * kBlock * x_->rows.size(), -1, CHOLMOD_REAL);
+  int entry = 0;
+  for (int column = 0; column < static_cast<int>(x_->capacity); ++column)
+    for (int k = 0; k < kBlock; ++k) {
+      columnsOf(*x_->H)[kBlock * column + k] = entry;
+      for (int block = x_->first[static_cast<std::size_t>(column)];
+           block < x_->first[static_cast<std::size_t>(column) + 1]; ++block)
+        for (int row = 0; row < kBlock; ++row)
+          rowsOf(*x_->H)[entry++] = kBlock * x_->rows[static_cast<std::size_t>(block)] + row;
+    }
+  columnsOf(*x_->H)[size] = entry;
+
+  common.method[0].ordering = CHOLMOD_NATURAL;
+  common.postorder = 0;  // the order above is one already
+  common.supernodal = CHOLMOD_AUTO;
+  x_->L = {allocated(cholmod_analyze(x_->H.get(), &common)), {&common}};
+  x_->flops_whole = common.fl;
+  if (spare > 0) {
+    x_->b.reset(allocated(cholmod_zeros(size, 1, CHOLMOD_REAL, &common)));
+    x_->near = newSparse(common, size, 1, size, 0, CHOLMOD_PATTERN);
+    std::fill(columnsOf(*x_->near), columnsOf(*x_->near) + 2, 0);
+  }
+}
+
+BlockCholesky::~BlockCholesky() = default;
+BlockCholesky::BlockCholesky(BlockCholesky&&) noexcept = default;
+BlockCholesky& BlockCholesky::operator=(BlockCholesky&&) noexcept = default;
+
+void BlockCholesky::clear() {
+  std::fill(valuesOf(*x_->H), valuesOf(*x_->H) + x_->H->nzmax, 0.0);
+  for (std::size_t pose = x_->poses; pose < x_->capacity; ++pose) hold(pose);
+}
+
+void BlockCholesky::add(const LinearFactor& term) {
+  const int i = x_->place_of(term.i);
+  x_->block(i, i).noalias() += term.J_i.transpose() * term.J_i;
+  if (term.j == kNoPose) return;
+  const int j = x_->place_of(term.j);
+  x_->block(j, j).noalias() += term.J_j.transpose() * term.J_j;
+  if (i < j)
+    x_->block(j, i).noalias() += term.J_j.transpose() * term.J_i;
+  else
+    x_->block(i, j).noalias() += term.J_i.transpose() * term.J_j;
+}
+
+void BlockCholesky::hold(std::size_t pose) {
+  const int at = x_->place_of(pose);
+  x_->block(at, at) += Matrix6d::Identity();
+}
+
+bool BlockCholesky::factorize(double damping) {
+  if (damping > 0)
+    for (int at = 0; at < static_cast<int>(x_->poses); ++at) x_->block(at, at).diagonal() *= 1 + damping;
+  Common& common = x_->common;
+  cholmod_factorize(x_->H.get(), x_->L.get(), &common);
+  if (common.status == CHOLMOD_OUT_OF_MEMORY) throw std::bad_alloc();
+  if (common.status != CHOLMOD_OK || x_->L->minor < x_->L->n) return false;
+  if (x_->b) {  // with room: from now on it changes, and H is not needed any more
+    cholmod_change_factor(CHOLMOD_REAL, 0, 0, 0, 0, x_->L.get(), &common);
+    x_->H.reset();
+  }
+  return true;
+}
+
+Eigen::VectorXd BlockCholesky::solve(const Eigen::VectorXd& b) const {
+  Common& common = x_->common;
+  const Dense rhs(allocated(cholmod_zeros(x_->L->n, 1, CHOLMOD_REAL, &common)), {&common});
+  for (std::size_t pose = 0; pose < x_->poses; ++pose)
+    Eigen::Map<Vector6d>(valuesOf(*rhs) + kBlock * x_->place_of(pose)) =
+        b.segment<kBlock>(static_cast<Eigen::Index>(kBlock * pose));
+  const Dense solution(allocated(cholmod_solve(CHOLMOD_A, x_->L.get(), rhs.get(), &common)), {&common});
+  Eigen::VectorXd x(kBlock * static_cast<Eigen::Index>(x_->poses));
+  for (std::size_t pose = 0; pose < x_->poses; ++pose)
+    x.segment<kBlock>(static_cast<Eigen::Index>(kBlock * pose)) =
+        Eigen::Map<const Vector6d>(valuesOf(*solution) + kBlock * x_->place_of(pose));
+  return x;
+}
+
+std::size_t BlockCholesky::room() const { return x_->capacity - x_->poses; }
+
+bool BlockCholesky::change(const std::vector<LinearFactor>& terms, bool up) {
+  if (terms.empty()) return true;
+  Common& common = x_->common;
+  const auto C =
+      newSparse(common, x_->L->n, kBlock * terms.size(), 2 * kBlock * kBlock * terms.size(), 0, CHOLMOD_REAL);
+  int entry = 0, column = 0;
+  for (const LinearFactor& term : terms) {
+    std::array<std::pair<int, const Matrix6d*>, 2> blocks{
+        {{x_->place_of(term.i), &term.J_i}, {-1, &term.J_j}}};
+    if (term.j != kNoPose) blocks[1].first = x_->place_of(term.j);
+    if (blocks[0].first > blocks[1].first) std::swap(blocks[0], blocks[1]);
+    for (int row = 0; row < kBlock; ++row) {
+      const int before = entry;
+      for (const auto& [at, J] : blocks)
+        for (int k = 0; at >= 0 && k < kBlock; ++k)
+          if ((*J)(row, k) != 0) {
+            rowsOf(*C)[entry] = kBlock * at + k;
+            valuesOf(*C)[entry++] = (*J)(row, k);
+          }
+      if (entry > before) columnsOf(*C)[column++] = before;
+    }
+  }
+  columnsOf(*C)[column] = entry;
+  C->ncol = static_cast<std::size_t>(column);
+  const int ok = cholmod_updown(up, C.get(), x_->L.get(), &common);
+  if (common.status == CHOLMOD_OUT_OF_MEMORY) throw std::bad_alloc();
+  x_->flops_changed += common.modfl;
+  return ok && common.status == CHOLMOD_OK;
+}
+
+bool BlockCholesky::append(const Matrix6d& diagonal,
+                           const std::vector<std::pair<std::size_t, Matrix6d>>& columns) {
+  Common& common = x_->common;
+  const int at = static_cast<int>(x_->poses);
+  if (room() == 0) throw std::logic_error("BlockCholesky: no room for another pose");
+  std::vector<std::pair<int, const Matrix6d*>> blocks;
+  for (const auto& [pose, H] : columns) blocks.emplace_back(x_->place_of(pose), &H);
+  std::sort(blocks.begin(), blocks.end());
+  const auto R = newSparse(common, x_->L->n, 1, kBlock * (blocks.size() + 1), 0, CHOLMOD_REAL);
+  for (int k = 0; k < kBlock; ++k) {
+    int entry = 0;
+    for (const auto& [row, H] : blocks)
+      for (int r = 0; r < kBlock; ++r) {
+        rowsOf(*R)[entry] = kBlock * row + r;
+        valuesOf(*R)[entry++] = (*H)(r, k);
+      }
+    for (int r = 0; r <= k; ++r) {
+      rowsOf(*R)[entry] = kBlock * at + r;
+      valuesOf(*R)[entry++] = diagonal(r, k);
+    }
+    columnsOf(*R)[0] = 0;
+    columnsOf(*R)[1] = entry;
+    const int ok = cholmod_rowadd(static_cast<std::size_t>(kBlock * at + k), R.get(), x_->L.get(), &common);
+    if (common.status == CHOLMOD_OUT_OF_MEMORY) throw std::bad_alloc();
+    x_->flops_changed += common.modfl;
+    if (!ok || common.status != CHOLMOD_OK) return false;
+  }
+  ++x_->poses;
+  return true;
+}
+
+std::vector<std::pair<std::size_t, Vector6d>> BlockCholesky::solveNear(
+    const std::vector<std::pair<std::size_t, Vector6d>>& b) const {
+  for (const auto& [pose, value] : b) {
+    x_->demand(pose);
+    Eigen::Map<Vector6d>(valuesOf(*x_->b) + kBlock * x_->place_of(pose)) = value;
+  }
+  x_->solveReach();
+  for (const auto& [pose, value] : b)
+    Eigen::Map<Vector6d>(valuesOf(*x_->b) + kBlock * x_->place_of(pose)).setZero();
+  columnsOf(*x_->near)[1] = 0;
+
+  std::vector<std::pair<std::size_t, Vector6d>> x;
+  const int* rows = rowsOf(*x_->reached);
+  for (int k = 0; k < columnsOf(*x_->reached)[1]; ++k)
+    if (rows[k] % kBlock == 0)  // a path goes through all six rows of a pose
+      x.emplace_back(x_->pose_of(rows[k] / kBlock), Eigen::Map<const Vector6d>(valuesOf(*x_->x) + rows[k]));
+  return x;
+}
+
+Matrix6d BlockCholesky::inverseBlock(std::size_t pose) const {
+  Matrix6d block;
+  const int at = kBlock * x_->place_of(pose);
+  x_->demand(pose);
+  for (int k = 0; k < kBlock; ++k) {
+    valuesOf(*x_->b)[at + k] = 1;
+    x_->solveReach();
+    valuesOf(*x_->b)[at + k] = 0;
+    block.col(k) = Eigen::Map<const Vector6d>(valuesOf(*x_->x) + at);
+  }
+  columnsOf(*x_->near)[1] = 0;
+  return 0.5 * (block + block.transpose());
+}
+
+double BlockCholesky::flopsWhole() const { return x_->flops_whole; }
+double BlockCholesky::flopsChanged() const { return x_->flops_changed; }
+
+}  // namespace raceloc

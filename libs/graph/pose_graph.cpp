@@ -1,0 +1,174 @@
+#include "graph/pose_graph.h"
+
+#include <Eigen/Cholesky>
+#include <algorithm>
+#include <cmath>
+#include <stdexcept>
+
+namespace raceloc {
+
+double RobustLoss::cost(double squared) const {
+  const double width2 = width * width;
+  switch (kind) {
+    case Kind::none:
+      return squared;
+    case Kind::huber:
+      return squared <= width2 ? squared : 2 * width * std::sqrt(squared) - width2;
+    case Kind::cauchy:
+      return width2 * std::log1p(squared / width2);
+  }
+  throw std::logic_error("RobustLoss: no such kind");
+}
+
+double RobustLoss::weight(double squared) const {
+  const double width2 = width * width;
+  switch (kind) {
+    case Kind::none:
+      return 1;
+    case Kind::huber:
+      return squared <= width2 ? 1 : width / std::sqrt(squared);
+    case Kind::cauchy:
+      return 1 / (1 + squared / width2);
+  }
+  throw std::logic_error("RobustLoss: no such kind");
+}
+
+namespace {
+
+template <int N>
+Eigen::Matrix<double, N, N> whitening(const Eigen::Matrix<double, N, N>& covariance) {
+  const Eigen::LLT<Eigen::Matrix<double, N, N>> factor(covariance);
+  if (factor.info() != Eigen::Success)
+    throw std::invalid_argument("whiteningOf: the covariance is not positive definite");
+  const Eigen::Matrix<double, N, N> information = factor.solve(Eigen::Matrix<double, N, N>::Identity());
+  return information.llt().matrixU();
+}
+
+Eigen::Matrix3d skew(const Eigen::Vector3d& v) {
+  Eigen::Matrix3d m;
+  m << 0, -v.z(), v.y(), v.z(), 0, -v.x(), -v.y(), v.x(), 0;
+  return m;
+}
+
+/** Log of SO(3), Eq. (141), through the quaternion because that keeps its digits near 0 and pi. */
+Eigen::Vector3d rotationLog(const Eigen::Matrix3d& R) {
+  const Eigen::Quaterniond q(R);
+  const double sine = q.vec().norm();
+  if (sine < 1e-12) return (q.w() < 0 ? -2.0 : 2.0) * q.vec();
+  return 2 * std::atan2(q.w() < 0 ? -sine : sine, std::abs(q.w())) / sine * q.vec();
+}
+
+/** d Log(R exp(xi)) / d xi at theta = Log(R), Eq. (144). */
+Eigen::Matrix3d inverseRightJacobian(const Eigen::Vector3d& theta) {
+  const double angle = theta.norm();
+  const Eigen::Matrix3d W = skew(theta);
+  const double factor =
+      angle < 1e-4 ? 1.0 / 12
+                   : (1 - 0.5 * angle * std::cos(0.5 * angle) / std::sin(0.5 * angle)) / (angle * angle);
+  return Eigen::Matrix3d::Identity() + 0.5 * W + factor * W * W;
+}
+
+/** Fills r, J_i, J_j of a factor before its loss; what it leaves is zero. */
+struct Linearise {
+  const std::vector<Pose>& T;
+  LinearFactor& out;
+
+  void operator()(const PriorFactor& f) const {
+    const Eigen::Matrix3d R_E = f.T_map_body.linear().transpose() * T[f.i].linear();
+    Vector6d e;
+    e.head<3>() = rotationLog(R_E);
+    e.tail<3>() = f.T_map_body.linear().transpose() * (T[f.i].translation() - f.T_map_body.translation());
+    out.r.noalias() = f.whitening * e;
+    out.J_i.leftCols<3>().noalias() = f.whitening.leftCols<3>() * inverseRightJacobian(e.head<3>());
+    out.J_i.rightCols<3>().noalias() = f.whitening.rightCols<3>() * R_E;
+  }
+
+  void operator()(const BetweenFactor& f) const {
+    const Eigen::Matrix3d R_i_j = T[f.i].linear().transpose() * T[f.j].linear();
+    const Eigen::Matrix3d R_j_i_measured = f.T_i_j.linear().transpose();
+    const Eigen::Vector3d p_i_j = T[f.i].linear().transpose() * (T[f.j].translation() - T[f.i].translation());
+    const Eigen::Matrix3d R_E = R_j_i_measured * R_i_j;
+    Vector6d e;
+    e.head<3>() = rotationLog(R_E);
+    e.tail<3>() = R_j_i_measured * (p_i_j - f.T_i_j.translation());
+    out.r.noalias() = f.whitening * e;
+    const Eigen::Matrix3d D = inverseRightJacobian(e.head<3>());
+    Matrix6d J = Matrix6d::Zero();
+    J.topLeftCorner<3, 3>() = D;
+    J.bottomRightCorner<3, 3>() = R_E;
+    out.J_j.noalias() = f.whitening * J;
+    // exp(-xi_i) on the left of R_i_j and p_i_j: -R_i_j' xi on the right, and p + [p]x xi - rho.
+    J.topLeftCorner<3, 3>() = -D * R_i_j.transpose();
+    J.bottomLeftCorner<3, 3>() = R_j_i_measured * skew(p_i_j);
+    J.bottomRightCorner<3, 3>() = -R_j_i_measured;
+    out.J_i.noalias() = f.whitening * J;
+  }
+
+  void operator()(const PositionFactor& f) const {
+    const Eigen::Matrix3d& R = T[f.i].linear();
+    out.r.head<3>() = f.whitening * (T[f.i] * f.p_body_antenna_m - f.z_map_antenna_m);
+    out.J_i.topLeftCorner<3, 3>() = -f.whitening * R * skew(f.p_body_antenna_m);
+    out.J_i.topRightCorner<3, 3>() = f.whitening * R;
+  }
+
+  void operator()(const AttitudeFactor& f) const {
+    const Eigen::Vector3d e = rotationLog(f.R_map_body.transpose() * T[f.i].linear());
+    out.r.head<3>() = f.whitening * e;
+    out.J_i.topLeftCorner<3, 3>() = f.whitening * inverseRightJacobian(e);
+  }
+
+  void operator()(const LevelFactor& f) const {
+    const Eigen::Matrix3d& R = T[f.i].linear();
+    out.r.head<2>() = R.col(2).head<2>() / f.sigma_rad;
+    out.J_i.topLeftCorner<2, 3>() = -(R * skew(Eigen::Vector3d::UnitZ())).topRows<2>() / f.sigma_rad;
+  }
+};
+
+const RobustLoss& lossOf(const Factor& factor) {
+  return std::visit([](const auto& f) -> const RobustLoss& { return f.loss; }, factor);
+}
+
+}  // namespace
+
+Matrix6d whiteningOf(const Matrix6d& covariance) { return whitening<6>(covariance); }
+Eigen::Matrix3d whiteningOf(const Eigen::Matrix3d& covariance) { return whitening<3>(covariance); }
+
+std::size_t firstKey(const Factor& factor) {
+  return std::visit([](const auto& f) { return f.i; }, factor);
+}
+
+std::size_t secondKey(const Factor& factor) {
+  const auto* between = std::get_if<BetweenFactor>(&factor);
+  return between ? between->j : kNoPose;
+}
+
+LinearFactor linearise(const Factor& factor, const std::vector<Pose>& T_map_body,
+                       std::optional<std::size_t> held) {
+  LinearFactor out{
+      firstKey(factor), secondKey(factor), Vector6d::Zero(), Matrix6d::Zero(), Matrix6d::Zero(), 0, 0};
+  if (out.i >= T_map_body.size() || (out.j != kNoPose && out.j >= T_map_body.size()))
+    throw std::out_of_range("linearise: a factor of a pose that is not there");
+  std::visit(Linearise{T_map_body, out}, factor);
+  out.squared = out.r.squaredNorm();
+  const RobustLoss& loss = lossOf(factor);
+  out.cost = loss.cost(out.squared);
+  const double root = std::sqrt(loss.weight(out.squared));
+  out.r *= root;
+  out.J_i *= held == out.i ? 0 : root;
+  out.J_j *= held == out.j ? 0 : root;
+  return out;
+}
+
+double costOf(const PoseGraph& graph) {
+  double sum = 0;
+  for (const Factor& factor : graph.factors) sum += linearise(factor, graph.T_map_body).cost;
+  return 0.5 * sum;
+}
+
+double chiSquareOf(const PoseGraph& graph) {
+  double sum = 0;
+  for (const Factor& factor : graph.factors) sum += linearise(factor, graph.T_map_body).squared;
+  return sum;
+}
+
+}  // namespace raceloc
