@@ -108,7 +108,7 @@ void runMap(const MapArgs& args) {
     Progress progress("mapping");
     built.emplace(buildMap(args.rawlog_path, options, toolVersion(), [&](double share) { progress(share); }));
   }
-  saveMap(args.map_path, built->tiles, built->info, built->key_poses);
+  saveMap(args.map_path, built->tiles, {built->info, built->key_poses});
   if (options.map.write_simplemap) writeSimplemap(besides(args.map_path, ".simplemap"), built->scans);
   if (options.map.write_scene) writeScene(besides(args.map_path, ".3Dscene"), built->tiles, built->key_poses);
   if (!args.odometry_path.empty()) writeTum(args.odometry_path, built->odometry);

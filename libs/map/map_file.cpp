@@ -1,187 +1,290 @@
 #include "map/map_file.h"
 
-#include <mrpt/system/md5.h>
-#include <sqlite3.h>
-
+#include <Eigen/Eigenvalues>
 #include <algorithm>
 #include <array>
 #include <cerrno>
 #include <cmath>
-#include <cstdint>
 #include <cstring>
 #include <filesystem>
 #include <fstream>
+#include <limits>
 #include <stdexcept>
 #include <type_traits>
 
 #include "core/errors.h"
 #include "core/output_file.h"
+#include "map/sqlite_file.h"
 
 namespace raceloc {
-
-/** One connection. Every failure becomes an InputError: what can fail in fixed statements is the file. */
-class SqliteFile {
- public:
-  enum class Mode { read, write };
-
-  /** `path` is what SQLite opens, `name` what errors call it. */
-  SqliteFile(const std::string& path, std::string name, Mode mode) : x_name(std::move(name)), x_mode(mode) {
-    const int flags = mode == Mode::read ? SQLITE_OPEN_READONLY | SQLITE_OPEN_URI
-                                         : SQLITE_OPEN_READWRITE | SQLITE_OPEN_CREATE;
-    if (sqlite3_open_v2(path.c_str(), &x_handle, flags, nullptr) != SQLITE_OK) {
-      const InputError why = error();
-      sqlite3_close(x_handle);
-      throw why;
-    }
-  }
-  ~SqliteFile() { sqlite3_close(x_handle); }
-  SqliteFile(const SqliteFile&) = delete;
-  SqliteFile& operator=(const SqliteFile&) = delete;
-
-  void run(const std::string& sql) {
-    if (sqlite3_exec(x_handle, sql.c_str(), nullptr, nullptr, nullptr) != SQLITE_OK) throw error();
-  }
-
-  /** The newest failure, for the user. `part` is the part of the file it happened in. */
-  [[nodiscard]] InputError error(const std::string& part = "") const {
-    const std::string reason = " (" + std::string(sqlite3_errmsg(x_handle)) + ")";
-    if (x_mode == Mode::write)
-      return InputError("map " + x_name + ": cannot be written" + reason + "; check the space left");
-    return damaged(part + " cannot be read" + reason);
-  }
-  [[nodiscard]] InputError damaged(const std::string& what) const {
-    return InputError("map " + x_name + ": damaged: " + what + "; copy it again or build it again");
-  }
-
-  [[nodiscard]] sqlite3* handle() const { return x_handle; }
-
- private:
-  sqlite3* x_handle = nullptr;
-  std::string x_name;
-  Mode x_mode;
-};
 
 namespace {
 
 constexpr std::uint32_t kApplicationId = 0x524C4D50;  // "RLMP"
-constexpr std::uint32_t kFormatVersion = 1;
+constexpr std::uint32_t kFormatVersion = 2;
 
-constexpr char kSchema[] = R"(
-CREATE TABLE info(key TEXT PRIMARY KEY, value NOT NULL) WITHOUT ROWID;
-CREATE TABLE sessions(number INTEGER PRIMARY KEY, name TEXT NOT NULL);
-CREATE TABLE key_poses(number INTEGER PRIMARY KEY, stamp_s REAL NOT NULL,
-                       session INTEGER NOT NULL REFERENCES sessions(number), T_map_body BLOB NOT NULL);
+constexpr char kFixedTables[] = R"(
+CREATE TABLE meta(key TEXT PRIMARY KEY, value TEXT NOT NULL) WITHOUT ROWID;
 CREATE TABLE tiles(ix INTEGER NOT NULL, iy INTEGER NOT NULL, points INTEGER NOT NULL, fields TEXT NOT NULL,
                    checksum TEXT NOT NULL, data BLOB NOT NULL, PRIMARY KEY(ix, iy));
 )";
+constexpr char kDictionary[] = R"(
+CREATE VIEW racetrack_dict AS SELECT number AS key_gps, number AS key_lidar, racetrack_id
+                              FROM key_poses WHERE racetrack_id IS NOT NULL;
+)";
 
-using Bytes = std::vector<char>;
-
-/** A prepared statement; `part` is what its failures are about. Blobs and texts bound to it must outlive
- * step(). */
-class Statement {
- public:
-  Statement(SqliteFile& file, const std::string& sql, std::string part)
-      : x_file(file), x_part(std::move(part)) {
-    check(sqlite3_prepare_v2(file.handle(), sql.c_str(), -1, &x_handle, nullptr));
-  }
-  ~Statement() { sqlite3_finalize(x_handle); }
-  Statement(const Statement&) = delete;
-  Statement& operator=(const Statement&) = delete;
-
-  /** Binds all parameters in order and runs a statement that returns no row. */
-  template <class... Values>
-  void write(const Values&... values) {
-    bind(values...);
-    step();
-    check(sqlite3_reset(x_handle));
-  }
-  template <class... Values>
-  void bind(const Values&... values) {
-    int index = 0;
-    (bindOne(++index, values), ...);
-  }
-  bool step() {  ///< whether there is a row
-    const int result = sqlite3_step(x_handle);
-    if (result != SQLITE_ROW && result != SQLITE_DONE) throw x_file.error(x_part);
-    return result == SQLITE_ROW;
-  }
-  [[nodiscard]] std::int64_t integer(int column) const { return sqlite3_column_int64(x_handle, column); }
-  [[nodiscard]] double real(int column) const { return sqlite3_column_double(x_handle, column); }
-  [[nodiscard]] Bytes blob(int column) const {
-    const auto* data =
-        static_cast<const char*>(sqlite3_column_blob(x_handle, column));  // null if it is empty
-    return data == nullptr ? Bytes() : Bytes(data, data + sqlite3_column_bytes(x_handle, column));
-  }
-  [[nodiscard]] std::string text(int column) const {
-    const Bytes bytes = blob(column);
-    return {bytes.begin(), bytes.end()};
-  }
-
- private:
-  void check(int result) const {
-    if (result != SQLITE_OK) throw x_file.error(x_part);
-  }
-  void bindOne(int index, const std::string& text) {
-    check(sqlite3_bind_text64(x_handle, index, text.data(), text.size(), SQLITE_STATIC, SQLITE_UTF8));
-  }
-  void bindOne(int index, const Bytes& blob) {
-    check(sqlite3_bind_blob64(x_handle, index, blob.data(), blob.size(), SQLITE_STATIC));
-  }
-  template <class Number>
-  void bindOne(int index, Number value) {
-    if constexpr (std::is_floating_point_v<Number>)
-      check(sqlite3_bind_double(x_handle, index, value));
-    else
-      check(sqlite3_bind_int64(x_handle, index, static_cast<std::int64_t>(value)));
-  }
-
-  SqliteFile& x_file;
-  std::string x_part;
-  sqlite3_stmt* x_handle = nullptr;
+/** \name A table's name, and its columns told once: for the schema, for writing, for reading and for the checksum. @{ */
+struct InfoRow {
+  std::optional<double> origin_latitude_deg, origin_longitude_deg, origin_height_m;
+  double tile_size_m, point_spacing_m, waypoint_spacing_m;
+  std::string config;
 };
+template <class Row>
+struct Table;
+template <>
+struct Table<InfoRow> {
+  static constexpr char kName[] = "info";
+  template <class Row, class Visit>
+  static void columns(Row& row, const Visit& visit) {
+    visit("origin_latitude_deg", row.origin_latitude_deg);
+    visit("origin_longitude_deg", row.origin_longitude_deg);
+    visit("origin_height_m", row.origin_height_m);
+    visit("tile_size_m", row.tile_size_m);
+    visit("point_spacing_m", row.point_spacing_m);
+    visit("waypoint_spacing_m", row.waypoint_spacing_m);
+    visit("config", row.config);
+  }
+};
+template <>
+struct Table<std::string> {
+  static constexpr char kName[] = "sessions";
+  template <class Row, class Visit>
+  static void columns(Row& row, const Visit& visit) {
+    visit("name", row);
+  }
+};
+template <>
+struct Table<KeyPose> {
+  static constexpr char kName[] = "key_poses";
+  template <class Row, class Visit>
+  static void columns(Row& row, const Visit& visit) {
+    visit("stamp_s", row.stamp_s);
+    visit("T_map_body", row.T_map_body);
+    visit("session", row.session);
+    visit("racetrack_id", row.racetrack_id);
+    visit("T_map_body_gps", row.T_map_body_gps);
+    visit("T_map_body_lidar", row.T_map_body_lidar);
+  }
+};
+template <>
+struct Table<MapWaypoint> {
+  static constexpr char kName[] = "waypoints";
+  template <class Row, class Visit>
+  static void columns(Row& row, const Visit& visit) {
+    visit("p_map_m", row.p_map_m);
+    visit("heading_rad", row.heading_rad);
+  }
+};
+template <>
+struct Table<MapEdge> {
+  static constexpr char kName[] = "edges";
+  template <class Row, class Visit>
+  static void columns(Row& row, const Visit& visit) {
+    visit("i", row.i);
+    visit("j", row.j);
+    visit("T_i_j", row.T_i_j);
+    visit("information", row.information);
+    visit("kind", row.kind);
+  }
+};
+template <>
+struct Table<MapFix> {
+  static constexpr char kName[] = "fixes";
+  template <class Row, class Visit>
+  static void columns(Row& row, const Visit& visit) {
+    visit("key", row.key);
+    visit("receiver", row.receiver);
+    visit("p_map_antenna_m", row.p_map_antenna_m);
+    visit("cov_map_m2", row.cov_map_m2);
+    visit("p_body_antenna_m", row.p_body_antenna_m);
+    visit("weight", row.weight);
+  }
+};
+template <>
+struct Table<RoadStation> {
+  static constexpr char kName[] = "road";
+  template <class Row, class Visit>
+  static void columns(Row& row, const Visit& visit) {
+    visit("station_m", row.station_m);
+    visit("height_m", row.height_m);
+    visit("grade_rad", row.grade_rad);
+    visit("bank_rad", row.bank_rad);
+  }
+};
+template <>
+struct Table<WallPoint> {
+  static constexpr char kName[] = "walls";
+  template <class Row, class Visit>
+  static void columns(Row& row, const Visit& visit) {
+    visit("station_m", row.station_m);
+    visit("side", row.side);
+    visit("p_map_foot_m", row.p_map_foot_m);
+    visit("height_m", row.height_m);
+  }
+};
+/** @} */
 
-/** \name Bytes that are the same on every machine: little-endian, strings with their length before them. @{
- */
-template <class Number>
-using BitsOf = std::conditional_t<sizeof(Number) == 4, std::uint32_t, std::uint64_t>;
+/** \name A member as a cell, and back. fromCell() returns false for a cell that cannot be one. @{ */
+template <class T>
+Cell toCell(const T& value) {
+  if constexpr (std::is_floating_point_v<T>)
+    return double{value};
+  else if constexpr (std::is_same_v<T, std::string>)
+    return value;
+  else
+    return static_cast<std::int64_t>(value);  // numbers and enumerations
+}
+template <int Rows, int Columns>
+Cell toCell(const Eigen::Matrix<double, Rows, Columns>& matrix) {
+  Bytes bytes;
+  append(bytes, matrix);
+  return bytes;
+}
+Cell toCell(const Pose& T) {
+  Bytes bytes;
+  append(bytes, T.matrix().topRows<3>());
+  return bytes;
+}
+template <class T>
+Cell toCell(const std::optional<T>& value) {
+  return value ? toCell(*value) : Cell();
+}
 
-template <class Number>
-void append(Bytes& bytes, Number value) {
-  static_assert(sizeof(Number) == 4 || sizeof(Number) == 8);
-  BitsOf<Number> bits{};
-  std::memcpy(&bits, &value, sizeof bits);
-  std::array<char, sizeof bits> little_endian{};
-  for (std::size_t i = 0; i < sizeof bits; ++i) little_endian[i] = static_cast<char>(bits >> (8 * i) & 0xFF);
-  bytes.insert(bytes.end(), little_endian.begin(), little_endian.end());
+template <class T>
+bool fromCell(const Cell& cell, T& value) {
+  if constexpr (std::is_floating_point_v<T> || std::is_same_v<T, std::string>) {
+    const auto* found = std::get_if<T>(&cell);
+    if (found != nullptr) value = *found;
+    return found != nullptr;
+  } else {
+    const auto* found = std::get_if<std::int64_t>(&cell);
+    if (found != nullptr) value = static_cast<T>(*found);
+    return found != nullptr;
+  }
 }
-void append(Bytes& bytes, const std::string& text) {
-  append(bytes, static_cast<std::uint64_t>(text.size()));
-  bytes.insert(bytes.end(), text.begin(), text.end());
+template <int Rows, int Columns>
+bool fromCell(const Cell& cell, Eigen::Matrix<double, Rows, Columns>& matrix) {
+  const auto* bytes = std::get_if<Bytes>(&cell);
+  if (bytes == nullptr || bytes->size() != sizeof(double) * Rows * Columns) return false;
+  matrix = ByteReader(*bytes).matrix<Eigen::Matrix<double, Rows, Columns>>();
+  return true;
 }
-template <class Number>
-Number numberAt(const char* bytes) {
-  BitsOf<Number> bits = 0;
-  for (std::size_t i = 0; i < sizeof bits; ++i)
-    bits |= static_cast<BitsOf<Number>>(static_cast<unsigned char>(bytes[i])) << (8 * i);
-  Number value{};
-  std::memcpy(&value, &bits, sizeof value);
-  return value;
+bool fromCell(const Cell& cell, Pose& T) {
+  Eigen::Matrix<double, 3, 4> rows;
+  if (!fromCell(cell, rows)) return false;
+  T.setIdentity();
+  T.matrix().topRows<3>() = rows;
+  return true;
+}
+template <class T>
+bool fromCell(const Cell& cell, std::optional<T>& value) {
+  if (std::holds_alternative<std::monostate>(cell)) return true;
+  return fromCell(cell, value.emplace());
 }
 /** @} */
 
-std::string md5Of(const Bytes& bytes) {
-  return mrpt::system::md5(reinterpret_cast<const unsigned char*>(bytes.data()), bytes.size());
+/** One table's rows as what its checksum is over: of every cell what it is and what is in it. */
+class RowChecksum {
+ public:
+  void add(const std::vector<Cell>& row) {
+    for (const Cell& cell : row) {
+      append(x_bytes, static_cast<std::uint32_t>(cell.index()));
+      std::visit([this](const auto& value) { addValue(value); }, cell);
+    }
+  }
+  [[nodiscard]] std::string md5() const { return md5Of(x_bytes); }
+
+ private:
+  void addValue(std::monostate /*nothing*/) {}
+  void addValue(const Bytes& value) { addValue(std::string(value.begin(), value.end())); }
+  template <class T>
+  void addValue(const T& value) {
+    append(x_bytes, value);
+  }
+  Bytes x_bytes;
+};
+
+template <class Row>
+std::vector<Cell> cellsOf(const Row& row) {
+  std::vector<Cell> cells;
+  Table<Row>::columns(row, [&](const char* /*name*/, const auto& value) { cells.push_back(toCell(value)); });
+  return cells;
 }
 
-/** SQLite does not keep the sign of a zero; the hash shall not see it either. */
-double withoutNegativeZero(double value) { return value + 0.0; }
+/** Makes the table and fills it. \return its checksum */
+template <class Row>
+std::string writeTable(SqliteFile& file, const std::vector<Row>& rows) {
+  const std::string name = Table<Row>::kName;
+  std::string columns = "number INTEGER PRIMARY KEY", places = "?";
+  const Row any{};
+  Table<Row>::columns(any, [&](const char* column, const auto& /*value*/) {
+    columns += std::string(", ") + column;
+    places += ", ?";
+  });
+  file.run("CREATE TABLE " + name + "(" + columns + ")");
+  Statement insert(file, "INSERT INTO " + name + " VALUES(" + places + ")", name);
+  RowChecksum checksum;
+  std::int64_t number = 0;
+  for (const Row& row : rows) {
+    std::vector<Cell> cells = cellsOf(row);
+    checksum.add(cells);
+    cells.insert(cells.begin(), Cell(number++));
+    insert.writeCells(cells);
+  }
+  return checksum.md5();
+}
 
-Bytes bytesOf(const Pose& T) {
-  Bytes bytes;
-  for (int row = 0; row < 3; ++row)
-    for (int column = 0; column < 4; ++column) append(bytes, T.matrix()(row, column));
-  return bytes;
+std::string metaText(SqliteFile& file, const std::string& key) {
+  Statement statement(file, "SELECT value FROM meta WHERE key = ?", "meta");
+  const std::vector<Cell> wanted{key};
+  statement.bind(wanted);
+  if (!statement.step()) throw file.damaged("meta has no " + key);
+  return statement.get<std::string>(0);
+}
+
+void requireChecksum(SqliteFile& file, const std::string& table, const std::string& found) {
+  if (found != metaText(file, "checksum " + table)) throw file.damaged(table + " does not fit its checksum");
+}
+
+/** Reads a table whole. \param checksums  gets its checksum \throws InputError naming it if it is damaged */
+template <class Row>
+std::vector<Row> readTable(SqliteFile& file, std::string& checksums) {
+  const std::string name = Table<Row>::kName;
+  std::string columns;
+  const Row any{};
+  Table<Row>::columns(any, [&](const char* column, const auto& /*value*/) {
+    columns += (columns.empty() ? "" : ", ") + std::string(column);
+  });
+  Statement select(file, "SELECT " + columns + " FROM " + name + " ORDER BY number", name);
+  RowChecksum checksum;
+  std::vector<Row> rows;
+  while (select.step()) {
+    Row row{};
+    int column = 0;
+    bool fits = true;
+    std::vector<Cell> cells;
+    Table<Row>::columns(row, [&](const char* /*name*/, auto& value) {
+      cells.push_back(select.cell(column++));
+      fits = fromCell(cells.back(), value) && fits;
+    });
+    if (!fits)
+      throw file.damaged(name + " row " + std::to_string(rows.size()) + " has a column of the wrong type");
+    checksum.add(cells);
+    rows.push_back(std::move(row));
+  }
+  requireChecksum(file, name, checksum.md5());
+  checksums += checksum.md5();
+  return rows;
 }
 
 constexpr char kFields[] = "x y z xx xy xz yy yz zz";
@@ -223,77 +326,151 @@ TileRow rowOf(const Tile& tile) {
               {}};
   const auto arrays = arraysOf(tile);
   row.data.reserve(arrays.size() * tile.cloud.size() * sizeof(float));
-  for (const std::vector<float>* array : arrays)
-    for (const float value : *array) append(row.data, value);
+  for (const std::vector<float>* array : arrays) append(row.data, *array);
   return row;
 }
 
 Tile tileOf(const TileRow& row) {
   Tile tile{row.ix, row.iy, {}, {}};
-  const auto n = static_cast<std::size_t>(row.points);
-  const char* next = row.data.data();
-  for (std::vector<float>* array : arraysOf(tile)) {
-    if (next == row.data.data() + row.data.size()) break;  // no intensity
-    array->reserve(n);
-    for (std::size_t i = 0; i < n; ++i, next += sizeof(float)) array->push_back(numberAt<float>(next));
-  }
+  ByteReader reader(row.data);
+  for (std::vector<float>* array : arraysOf(tile))
+    if (reader.left() > 0)  // else no intensity
+      *array = reader.numbers<float>(static_cast<std::size_t>(row.points));
   return tile;
 }
 
-/** The numbers of a map as a whole. */
-std::vector<double> numbersOf(const MapInfo& info) {
-  std::vector<double> numbers{info.tile_size_m, info.point_spacing_m};
-  if (info.origin)
-    numbers.insert(numbers.end(),
-                   {info.origin->latitude_deg, info.origin->longitude_deg, info.origin->height_m});
-  return numbers;
+InfoRow rowOf(const MapInfo& info) {
+  InfoRow row{{}, {}, {}, info.tile_size_m, info.point_spacing_m, info.waypoint_spacing_m, info.config};
+  if (info.origin) {
+    row.origin_latitude_deg = info.origin->latitude_deg;
+    row.origin_longitude_deg = info.origin->longitude_deg;
+    row.origin_height_m = info.origin->height_m;
+  }
+  return row;
 }
 
-struct TileChecksum {
-  std::int32_t ix, iy;
-  std::string checksum;
-};
-
-std::string contentHashOf(const MapInfo& info, const std::vector<KeyPose>& key_poses,
-                          const std::vector<TileChecksum>& tiles) {
-  Bytes bytes;
-  append(bytes, static_cast<std::uint64_t>(numbersOf(info).size()));
-  for (const double value : numbersOf(info)) append(bytes, withoutNegativeZero(value));
-  append(bytes, info.config);
-  append(bytes, static_cast<std::uint64_t>(info.sessions.size()));
-  for (const std::string& session : info.sessions) append(bytes, session);
-  append(bytes, static_cast<std::uint64_t>(key_poses.size()));
-  for (const KeyPose& key_pose : key_poses) {
-    append(bytes, withoutNegativeZero(key_pose.stamp_s));
-    append(bytes, key_pose.session);
-    const Bytes pose = bytesOf(key_pose.T_map_body);
-    bytes.insert(bytes.end(), pose.begin(), pose.end());
-  }
-  append(bytes, static_cast<std::uint64_t>(tiles.size()));
-  for (const TileChecksum& tile : tiles) {
-    append(bytes, tile.ix);
-    append(bytes, tile.iy);
-    append(bytes, tile.checksum);
-  }
-  return "md5:" + md5Of(bytes);
+MapInfo infoOf(const InfoRow& row, std::vector<std::string> sessions, std::string tool_version) {
+  std::optional<GeodeticPoint> origin;
+  if (row.origin_latitude_deg && row.origin_longitude_deg && row.origin_height_m)
+    origin = GeodeticPoint{*row.origin_latitude_deg, *row.origin_longitude_deg, *row.origin_height_m};
+  return {origin,     row.tile_size_m,     row.point_spacing_m,   std::move(tool_version),
+          row.config, std::move(sessions), row.waypoint_spacing_m};
 }
 
-std::int64_t sessionNumber(const MapInfo& info, const std::string& session) {
-  const auto found = std::find(info.sessions.begin(), info.sessions.end(), session);
-  if (found == info.sessions.end())
-    throw std::invalid_argument("saveMap: a key pose of session " + session + ", which is not listed");
-  return found - info.sessions.begin();
+template <class Matrix>
+bool isPositive(const Matrix& matrix) {  // semidefinite, up to rounding
+  const double scale = matrix.cwiseAbs().maxCoeff();
+  return (matrix - matrix.transpose()).cwiseAbs().maxCoeff() <= 1e-6 * scale &&
+         Eigen::SelfAdjointEigenSolver<Matrix>(matrix, Eigen::EigenvaluesOnly).eigenvalues()(0) >=
+             -1e-6 * scale;
+}
+bool isRigid(const Pose& T) {
+  const Eigen::Matrix3d R = T.linear();
+  return (R.transpose() * R - Eigen::Matrix3d::Identity()).cwiseAbs().maxCoeff() < 1e-6 &&
+         R.determinant() > 0;
 }
 
-void requireSound(const TiledMap& map, const MapInfo& info, const std::vector<KeyPose>& key_poses) {
-  if (info.tile_size_m != map.tileSize()) throw std::invalid_argument("saveMap: two tile sizes");
-  for (const double value : numbersOf(info))
-    if (!std::isfinite(value)) throw std::invalid_argument("saveMap: a number of the info is not finite");
-  for (const KeyPose& key_pose : key_poses) {
-    if (!std::isfinite(key_pose.stamp_s) || !key_pose.T_map_body.matrix().allFinite())
-      throw std::invalid_argument("saveMap: a key pose is not finite");
-    sessionNumber(info, key_pose.session);
+/** Whether all numbers in a row are finite: in its cells, where every one of them is. */
+template <class Row>
+bool isFinite(const Row& row) {
+  for (const Cell& cell : cellsOf(row)) {
+    if (const auto* number = std::get_if<double>(&cell); number != nullptr && !std::isfinite(*number))
+      return false;
+    if (const auto* bytes = std::get_if<Bytes>(&cell); bytes != nullptr)
+      for (const double value : ByteReader(*bytes).numbers<double>(bytes->size() / sizeof(double)))
+        if (!std::isfinite(value)) return false;
   }
+  return true;
+}
+template <class Row>
+std::string notFinite(const std::vector<Row>& rows) {
+  for (std::size_t i = 0; i < rows.size(); ++i)
+    if (!isFinite(rows[i]))
+      return std::string(Table<Row>::kName) + " row " + std::to_string(i) +
+             " has a number that is not finite";
+  return "";
+}
+
+/** What contradicts itself in a map's content, or nothing. The rule for writers and for `check`. */
+std::string faultOf(const MapContent& content) {
+  const MapInfo& info = content.info;
+  for (const std::string& fault :
+       {notFinite(std::vector{rowOf(info)}), notFinite(content.key_poses), notFinite(content.waypoints),
+        notFinite(content.edges), notFinite(content.fixes), notFinite(content.road),
+        notFinite(content.walls)})
+    if (!fault.empty()) return fault;
+  if (!content.waypoints.empty() && !(info.waypoint_spacing_m > 0))
+    return "the way-points have no spacing > 0";
+  const auto hasKey = [&](std::int32_t key) {
+    return key >= 0 && static_cast<std::size_t>(key) < content.key_poses.size();
+  };
+
+  for (std::size_t i = 0; i < content.key_poses.size(); ++i) {
+    const KeyPose& k = content.key_poses[i];
+    const std::string name = "key pose " + std::to_string(i);
+    if (!isRigid(k.T_map_body) || (k.T_map_body_gps && !isRigid(*k.T_map_body_gps)) ||
+        (k.T_map_body_lidar && !isRigid(*k.T_map_body_lidar)))
+      return name + " has a pose that is not rigid";
+    if (std::find(info.sessions.begin(), info.sessions.end(), k.session) == info.sessions.end())
+      return name + " is of session " + k.session + ", which is not listed";
+    if (k.racetrack_id &&
+        (*k.racetrack_id < 0 || static_cast<std::size_t>(*k.racetrack_id) >= content.waypoints.size()))
+      return name + " has racetrack ID " + std::to_string(*k.racetrack_id) + ", but there are " +
+             std::to_string(content.waypoints.size()) + " way-points";
+  }
+  for (std::size_t i = 0; i < content.edges.size(); ++i) {
+    const MapEdge& e = content.edges[i];
+    const std::string name = "edge " + std::to_string(i);
+    if (!hasKey(e.i) || !hasKey(e.j) || e.i == e.j) return name + " does not tie two key poses";
+    if (!isRigid(e.T_i_j)) return name + " has a pose that is not rigid";
+    if (!isPositive(e.information)) return name + " has no positive information";
+    if (e.kind != EdgeKind::odometry && e.kind != EdgeKind::loop) return name + " is of an unknown kind";
+  }
+  for (std::size_t i = 0; i < content.fixes.size(); ++i) {
+    const MapFix& f = content.fixes[i];
+    const std::string name = "fix " + std::to_string(i);
+    if (!hasKey(f.key)) return name + " is of a key pose that is not there";
+    if (!isPositive(f.cov_map_m2)) return name + " has no positive covariance";
+    if (!(f.weight >= 0 && f.weight <= 1)) return name + " has a weight beyond 0 .. 1";
+  }
+  const double length_m = info.waypoint_spacing_m * static_cast<double>(content.waypoints.size());
+  double last_m = -1;
+  for (const RoadStation& r : content.road) {
+    if (!(r.station_m > last_m && r.station_m >= 0 && r.station_m < length_m))
+      return "stations of the road are out of order";
+    last_m = r.station_m;
+  }
+  std::pair last(-1, -1.0);
+  for (const WallPoint& w : content.walls) {
+    const std::pair now(static_cast<int>(w.side), w.station_m);
+    if (!(now > last && (w.side == Side::left || w.side == Side::right) && w.station_m >= 0 &&
+          w.station_m < length_m))
+      return "stations of the walls are out of order";
+    last = now;
+  }
+  return "";
+}
+
+/** The first key pose that its way-point cannot belong to, or nothing. */
+std::string wrongIdOf(const MapContent& content) {
+  constexpr double kWithin_m = 50;  // half the widest road, with the pit lane beside it
+  for (std::size_t i = 0; i < content.key_poses.size(); ++i) {
+    const KeyPose& k = content.key_poses[i];
+    if (!k.racetrack_id) continue;
+    const MapWaypoint& w = content.waypoints[static_cast<std::size_t>(*k.racetrack_id)];
+    const double away_m = (w.p_map_m - k.T_map_body.translation()).head<2>().norm();
+    const double turned_rad = std::abs(wrapAngle(yawOf(k.T_map_body) - w.heading_rad));
+    if (away_m > kWithin_m || turned_rad > 90 * kDegree)
+      return "key pose " + std::to_string(i) + " is " + std::to_string(away_m) + " m and " +
+             std::to_string(turned_rad / kDegree) + " deg away from the way-point of its racetrack ID " +
+             std::to_string(*k.racetrack_id);
+  }
+  return "";
+}
+
+/** Over the checksums of all tables, in their fixed order. */
+std::string hashOf(const std::string& checksums) {
+  return "md5:" + md5Of({checksums.begin(), checksums.end()});
 }
 
 std::string nameOf(int ix, int iy) { return "tile (" + std::to_string(ix) + ", " + std::to_string(iy) + ")"; }
@@ -347,46 +524,53 @@ std::string readOnlyUri(const std::string& path) {
 
 }  // namespace
 
-void saveMap(const std::string& path, const TiledMap& map, const MapInfo& info,
-             const std::vector<KeyPose>& key_poses) {
-  requireSound(map, info, key_poses);
+void saveMap(const std::string& path, const TiledMap& tiles, const MapContent& content) {
+  if (content.info.tile_size_m != tiles.tileSize()) throw std::invalid_argument("saveMap: two tile sizes");
+  if (const std::string fault = faultOf(content); !fault.empty())
+    throw std::invalid_argument("saveMap: " + fault);
   OutputFile output(path);
   {
-    SqliteFile file(output.temporaryPath(), path, SqliteFile::Mode::write);
+    SqliteFile file(output.temporaryPath(), "map " + path, SqliteFile::Mode::write);
     // What a journal guards against, the temporary name already does; OutputFile flushes to the disk.
     file.run("PRAGMA journal_mode=OFF; PRAGMA synchronous=OFF; PRAGMA application_id=" +
              std::to_string(kApplicationId) + "; PRAGMA user_version=" + std::to_string(kFormatVersion) +
              "; BEGIN");
-    file.run(kSchema);
+    file.run(kFixedTables);
+    Statement meta(file, "INSERT INTO meta VALUES(?, ?)", "meta");
+    std::string checksums;
+    const auto keep = [&](const std::string& table, const std::string& checksum) {
+      meta.write("checksum " + table, checksum);
+      checksums += checksum;
+    };
+    const auto write = [&](const auto& rows) {
+      keep(Table<typename std::decay_t<decltype(rows)>::value_type>::kName, writeTable(file, rows));
+    };
+    write(std::vector{rowOf(content.info)});
+    write(content.info.sessions);
+    write(content.key_poses);
+    write(content.waypoints);
+    write(content.edges);
+    write(content.fixes);
+    write(content.road);
+    write(content.walls);
+    file.run(kDictionary);
 
-    Statement session(file, "INSERT INTO sessions VALUES(?, ?)", "sessions");
-    for (std::size_t i = 0; i < info.sessions.size(); ++i) session.write(i, info.sessions[i]);
-
-    Statement pose(file, "INSERT INTO key_poses VALUES(?, ?, ?, ?)", "key poses");
-    for (std::size_t i = 0; i < key_poses.size(); ++i)
-      pose.write(i, key_poses[i].stamp_s, sessionNumber(info, key_poses[i].session),
-                 bytesOf(key_poses[i].T_map_body));
-
-    Statement tile_statement(file, "INSERT INTO tiles VALUES(?, ?, ?, ?, ?, ?)", "tiles");
-    std::vector<TileChecksum> checksums;
-    for (const auto& [index, tile] : map.tiles()) {
-      const TileRow row = rowOf(tile);
-      checksums.push_back({row.ix, row.iy, row.checksum()});
-      tile_statement.write(row.ix, row.iy, row.points, row.fields, checksums.back().checksum, row.data);
+    Statement insert(file, "INSERT INTO tiles VALUES(?, ?, ?, ?, ?, ?)", "tiles");
+    RowChecksum index;
+    for (const auto& [place, tile] : tiles.tiles()) {
+      TileRow row = rowOf(tile);
+      const std::vector<Cell> head{toCell(row.ix), toCell(row.iy), row.checksum()};
+      index.add(head);
+      insert.write(head[0], head[1], row.points, row.fields, head[2], std::move(row.data));
     }
+    keep("tiles", index.md5());
 
-    Statement entry(file, "INSERT INTO info VALUES(?, ?)", "info");
-    const auto write = [&](const std::string& key, const auto& value) { entry.write(key, value); };
-    if (info.origin) {
-      write("origin_latitude_deg", info.origin->latitude_deg);
-      write("origin_longitude_deg", info.origin->longitude_deg);
-      write("origin_height_m", info.origin->height_m);
-    }
-    write("tile_size_m", info.tile_size_m);
-    write("point_spacing_m", info.point_spacing_m);
-    write("tool_version", info.tool_version);
-    write("config", info.config);
-    write("content_hash", contentHashOf(info, key_poses, checksums));
+    meta.write("content_hash", hashOf(checksums));
+    meta.write("tool_version", content.info.tool_version);
+    meta.write("datum", "WGS84, heights above the ellipsoid");
+    meta.write(
+        "frames",
+        "map: x east, y north, z up about the origin; body: centre of the rear axle, x forward, y left");
     file.run("COMMIT");
   }
   output.commit();
@@ -394,70 +578,40 @@ void saveMap(const std::string& path, const TiledMap& map, const MapInfo& info,
 
 MapFile::MapFile(const std::string& path) {
   requireReadable(path);
-  x_database = std::make_unique<SqliteFile>(readOnlyUri(path), path, SqliteFile::Mode::read);
-  readInfo();
-  readKeyPoses();
-  checkContentHash();
+  x_database = std::make_unique<SqliteFile>(readOnlyUri(path), "map " + path, SqliteFile::Mode::read);
+  readContent();
 }
 
 MapFile::~MapFile() = default;
 MapFile::MapFile(MapFile&&) noexcept = default;
 MapFile& MapFile::operator=(MapFile&&) noexcept = default;
 
-void MapFile::readInfo() {
-  const auto find = [&](const std::string& key) {
-    auto statement = std::make_unique<Statement>(*x_database, "SELECT value FROM info WHERE key = ?", "info");
-    statement->bind(key);
-    return statement->step() ? std::move(statement) : nullptr;
-  };
-  const auto get = [&](const std::string& key) {
-    auto found = find(key);
-    if (!found) throw x_database->damaged("info has no " + key);
-    return found;
-  };
-  if (find("origin_latitude_deg"))
-    x_info.origin = {get("origin_latitude_deg")->real(0), get("origin_longitude_deg")->real(0),
-                     get("origin_height_m")->real(0)};
-  x_info.tile_size_m = get("tile_size_m")->real(0);
-  if (!(x_info.tile_size_m > 0)) throw x_database->damaged("info has no tile size > 0");
-  x_info.point_spacing_m = get("point_spacing_m")->real(0);
-  x_info.tool_version = get("tool_version")->text(0);
-  x_info.config = get("config")->text(0);
-  x_content_hash = get("content_hash")->text(0);
-  Statement sessions(*x_database, "SELECT name FROM sessions ORDER BY number", "sessions");
-  while (sessions.step()) x_info.sessions.push_back(sessions.text(0));
-}
+void MapFile::readContent() {
+  SqliteFile& file = *x_database;
+  std::string checksums;
+  const auto info = readTable<InfoRow>(file, checksums);
+  if (info.size() != 1 || !(info[0].tile_size_m > 0)) throw file.damaged("info has no tile size > 0");
+  auto sessions = readTable<std::string>(file, checksums);
+  x_content.info = infoOf(info[0], std::move(sessions), metaText(file, "tool_version"));
+  x_content.key_poses = readTable<KeyPose>(file, checksums);
+  x_content.waypoints = readTable<MapWaypoint>(file, checksums);
+  x_content.edges = readTable<MapEdge>(file, checksums);
+  x_content.fixes = readTable<MapFix>(file, checksums);
+  x_content.road = readTable<RoadStation>(file, checksums);
+  x_content.walls = readTable<WallPoint>(file, checksums);
 
-void MapFile::readKeyPoses() {
-  Statement statement(*x_database, "SELECT stamp_s, session, T_map_body FROM key_poses ORDER BY number",
-                      "key poses");
-  while (statement.step()) {
-    const std::int64_t session = statement.integer(1);
-    const Bytes bytes = statement.blob(2);
-    if (session < 0 || static_cast<std::size_t>(session) >= x_info.sessions.size() ||
-        bytes.size() != 12 * sizeof(double))
-      throw x_database->damaged("key pose " + std::to_string(x_key_poses.size()) +
-                                " has no session or no pose");
-    KeyPose key_pose{statement.real(0), Pose::Identity(), x_info.sessions[static_cast<std::size_t>(session)]};
-    for (int i = 0; i < 12; ++i)
-      key_pose.T_map_body.matrix()(i / 4, i % 4) =
-          numberAt<double>(bytes.data() + static_cast<std::size_t>(i) * sizeof(double));
-    x_key_poses.push_back(std::move(key_pose));
+  Statement tiles(file, "SELECT ix, iy, checksum, points FROM tiles ORDER BY ix, iy", "list of tiles");
+  RowChecksum index;
+  while (tiles.step()) {
+    index.add({tiles.cell(0), tiles.cell(1), tiles.cell(2)});
+    x_tile_indices.emplace_back(static_cast<int>(tiles.get<std::int64_t>(0)),
+                                static_cast<int>(tiles.get<std::int64_t>(1)));
+    x_points += tiles.get<std::int64_t>(3);
   }
-}
-
-void MapFile::checkContentHash() {
-  Statement statement(*x_database, "SELECT ix, iy, checksum FROM tiles ORDER BY ix, iy", "list of tiles");
-  std::vector<TileChecksum> checksums;
-  while (statement.step()) {
-    const auto ix = static_cast<std::int32_t>(statement.integer(0));
-    const auto iy = static_cast<std::int32_t>(statement.integer(1));
-    checksums.push_back({ix, iy, statement.text(2)});
-    x_tile_indices.emplace_back(ix, iy);
-  }
-  const std::string found = contentHashOf(x_info, x_key_poses, checksums);
-  if (found != x_content_hash)
-    throw x_database->damaged("its content hash is " + found + ", but it should be " + x_content_hash);
+  requireChecksum(file, "tiles", index.md5());
+  x_content_hash = hashOf(checksums + index.md5());
+  if (const std::string kept = metaText(file, "content_hash"); kept != x_content_hash)
+    throw file.damaged("its content hash is " + x_content_hash + ", but it should be " + kept);
 }
 
 std::optional<Tile> MapFile::tile(int ix, int iy) const {
@@ -466,10 +620,13 @@ std::optional<Tile> MapFile::tile(int ix, int iy) const {
   const std::string name = nameOf(ix, iy);
   Statement statement(*x_database, "SELECT points, fields, checksum, data FROM tiles WHERE ix = ? AND iy = ?",
                       name);
-  statement.bind(ix, iy);
+  const std::vector<Cell> wanted{toCell(ix), toCell(iy)};
+  statement.bind(wanted);
   if (!statement.step()) throw x_database->damaged(name + " is gone");
-  const TileRow row{ix, iy, statement.integer(0), statement.text(1), statement.blob(3)};
-  if (row.checksum() != statement.text(2)) throw x_database->damaged(name + " does not fit its checksum");
+  const TileRow row{ix, iy, statement.get<std::int64_t>(0), statement.get<std::string>(1),
+                    statement.get<Bytes>(3)};
+  if (row.checksum() != statement.get<std::string>(2))
+    throw x_database->damaged(name + " does not fit its checksum");
   const std::size_t arrays = row.fields == kFields ? 9 : 10;
   if ((row.fields != kFields && row.fields != kFieldsWithIntensity) || row.points < 0 ||
       row.data.size() % (arrays * sizeof(float)) != 0 ||
@@ -478,8 +635,17 @@ std::optional<Tile> MapFile::tile(int ix, int iy) const {
   return tileOf(row);
 }
 
+TiledMap MapFile::tiles() const {
+  TiledMap map(info().tile_size_m);
+  for (const auto& [ix, iy] : x_tile_indices) map.insert(*tile(ix, iy));
+  return map;
+}
+
 void MapFile::verify() const {
   for (const auto& [ix, iy] : x_tile_indices) static_cast<void>(tile(ix, iy));
+  std::string fault = faultOf(x_content);
+  if (fault.empty()) fault = wrongIdOf(x_content);
+  if (!fault.empty()) throw x_database->damaged(fault);
 }
 
 }  // namespace raceloc
