@@ -17,8 +17,9 @@ constexpr double kHalfLength_m = 0.6;  // short, so that a wall at an angle to t
 constexpr double kThickness_m = 0.3;   // over which a wall stands ...
 constexpr double kHeight_m = 0.4;      // ... at least this high
 constexpr double kGap_m = 0.4;         // that nothing of it leaves open upward
-constexpr double kFoot_m = 0.15;       // above the lowest point a point is the wall's and not the ground's
-constexpr std::size_t kMinPoints = 4;  // of the wall: fewer are noise
+constexpr double kFoot_m = 0.2;        // above the lowest point a point is the wall's and not the ground's
+constexpr std::size_t kFewest =
+    3;  // a wall has so many points at its top, and so many tell the height of its foot
 
 using Points = std::vector<SectionPoint>;
 
@@ -39,15 +40,15 @@ struct Standing {
 };
 std::optional<Standing> standingIn(const Points& strip) {
   const Points wall = stack(strip);
-  if (wall.empty() || wall.back().z_map_m - wall.front().z_map_m < kHeight_m) return std::nullopt;
+  if (wall.size() < 2 * kFewest) return std::nullopt;
+  double foot_z_m = 0;
+  for (std::size_t i = 0; i < kFewest; ++i) foot_z_m += wall[i].z_map_m / kFewest;
+  const double height_m = wall[wall.size() - kFewest].z_map_m - foot_z_m;
+  if (height_m < kHeight_m) return std::nullopt;
   std::vector<double> out_m;
   for (const SectionPoint& p : wall)
-    if (p.z_map_m > wall.front().z_map_m + kFoot_m) out_m.push_back(p.left_m);
-  if (out_m.size() < kMinPoints) return std::nullopt;
-  constexpr std::size_t kLowest = 3;  // of which the mean is less noisy than the very lowest
-  double foot_z_m = 0;
-  for (std::size_t i = 0; i < kLowest; ++i) foot_z_m += wall[i].z_map_m / kLowest;
-  return Standing{quantile(std::move(out_m), 0.5), foot_z_m, wall.back().z_map_m - foot_z_m};
+    if (p.z_map_m > foot_z_m + kFoot_m) out_m.push_back(p.left_m);
+  return Standing{quantile(std::move(out_m), 0.5), foot_z_m, height_m};
 }
 
 /** The nearest wall among points sorted outward. */
