@@ -4,6 +4,7 @@
 #include <filesystem>
 #include <iostream>
 #include <memory>
+#include <utility>
 #include <vector>
 
 #include "cli/app.h"
@@ -19,6 +20,9 @@ constexpr char kHelp[] = R"(NAME
 
 SYNOPSIS
   raceloc-map -c INI -o MAP.rlmap SURVEY.rawlog
+  raceloc-map info MAP.rlmap
+  raceloc-map export MAP.rlmap -o PREFIX FORMAT...
+  raceloc-map check MAP.rlmap
 
 DESCRIPTION
   Reads a survey log, de-skews each LiDAR sweep by the car's motion, merges those of several LiDARs,
@@ -31,6 +35,8 @@ EXAMPLES
   raceloc-map -c ini/map.ini -o monza.rlmap survey.rawlog
   raceloc-map --print-ini > my_map.ini       every key with its meaning, range and default
   raceloc-map -c ini/map.ini -o lap.rlmap --odometry lap_odometry.tum survey.rawlog
+  raceloc-map check monza.rlmap
+  raceloc-map export --help                  PLY, PCD, TUM, GeoJSON, KML, g2o and MRPT's own
 
 EXIT STATUS
   0 the map was written; 2 an input is missing or wrong (one line says which); 1 a fault of raceloc.
@@ -64,6 +70,13 @@ void print(const MapReport& r, const MapInfo& info) {
 }  // namespace
 
 std::optional<MapArgs> parseMapArgs(int argc, char** argv) {
+  if (argc > 1) {
+    std::vector<std::string> words(argv + 1, argv + argc);
+    const std::string command = std::exchange(words[0], argv[0]);
+    if (command == "info") return parseMapInfo(std::move(words));
+    if (command == "export") return parseMapExport(std::move(words));
+    if (command == "check") return parseMapCheck(std::move(words));
+  }
   CommandLine cmd(kHelp);
   TCLAP::ValueArg<std::string> ini("c", "config", "options; see --print-ini", false, "", "INI", cmd);
   TCLAP::ValueArg<std::string> out("o", "output", "the map to write", false, "", "MAP.rlmap", cmd);
@@ -84,11 +97,13 @@ std::optional<MapArgs> parseMapArgs(int argc, char** argv) {
     if (!ini.isSet()) throw InputError("no options given: -c ini/map.ini (see --help)");
     if (!out.isSet()) throw InputError("no output given: -o MAP.rlmap (see --help)");
   }
-  return MapArgs{ini.getValue(),        log.getValue(),     out.getValue(),      odometry.getValue(),
-                 trajectory.getValue(), verbose.getValue(), print_ini.getValue()};
+  return BuildArgs{ini.getValue(),        log.getValue(),     out.getValue(),      odometry.getValue(),
+                   trajectory.getValue(), verbose.getValue(), print_ini.getValue()};
 }
 
-void runMap(const MapArgs& args) {
+namespace {
+
+void build(const BuildArgs& args) {
   if (args.print_ini) {
     std::cout << MapperOptions{}.iniText();
     return;
@@ -108,7 +123,7 @@ void runMap(const MapArgs& args) {
     Progress progress("mapping");
     built.emplace(buildMap(args.rawlog_path, options, toolVersion(), [&](double share) { progress(share); }));
   }
-  saveMap(args.map_path, built->tiles, built->info, built->key_poses);
+  saveMap(args.map_path, built->tiles, {built->info, built->key_poses});
   if (options.map.write_simplemap) writeSimplemap(besides(args.map_path, ".simplemap"), built->scans);
   if (options.map.write_scene) writeScene(besides(args.map_path, ".3Dscene"), built->tiles, built->key_poses);
   if (!args.odometry_path.empty()) writeTum(args.odometry_path, built->odometry);
@@ -123,6 +138,15 @@ void runMap(const MapArgs& args) {
   std::printf("run              %.1f s wall for %.1f s recorded, peak memory %.0f MiB\n", wall_s,
               built->report.recorded_s, peakMemory_MiB());
   std::printf("written          %s\n", args.map_path.c_str());
+}
+
+}  // namespace
+
+void runMap(const MapArgs& args) {
+  if (const auto* survey = std::get_if<BuildArgs>(&args)) build(*survey);
+  if (const auto* map = std::get_if<MapInfoArgs>(&args)) mapInfo(*map);
+  if (const auto* map = std::get_if<MapExportArgs>(&args)) mapExport(*map);
+  if (const auto* map = std::get_if<MapCheckArgs>(&args)) mapCheck(*map);
 }
 
 }  // namespace raceloc

@@ -1,95 +1,84 @@
 /** \file
- * The `.rlmap`: a map in one SQLite file, made once by a survey and only read by cars.
+ * The `.rlmap`: a map in one SQLite file, made by surveys and only read by cars.
  *
- * Format version 1 (`PRAGMA user_version`; `PRAGMA application_id` is 'RLMP'). All multi-byte values inside
- * blobs are little-endian, all strings UTF-8:
- * - info(key, value): tile_size_m, point_spacing_m, tool_version, config, content_hash; when the map has an
- *   origin, origin_latitude_deg, origin_longitude_deg and origin_height_m
- * - sessions(number, name), from 0
- * - key_poses(number, stamp_s, session, T_map_body): the last 12 doubles, the upper 3x4 of the matrix by rows
+ * Format version 2 (`PRAGMA user_version`; `PRAGMA application_id` is 'RLMP'). Blobs as in bytes.h, poses as the upper
+ * 3x4 of their matrix; texts UTF-8; columns that an optional value leaves empty are NULL:
+ * - meta(key, value): tool_version, content_hash, one "checksum TABLE" a table below, and what datum and frames are
+ * - info, sessions, key_poses, waypoints, edges, fixes, road, walls: a row has `number` (from 0) and then the members of
+ *   its struct in map_content.h, spelled as there; kinds are 0 odometry and 1 loop, sides 0 left and 1 right
+ * - racetrack_dict(key_gps, key_lidar, racetrack_id): a view, the paper's dictionary
  * - tiles(ix, iy, points, fields, checksum, data): `fields` names the float arrays that `data` holds one
  *   after the other, `points` values each: "x y z xx xy xz yy yz zz", then " intensity" if the map has it
  *
- * A later version may add tables and keys; a change to these raises the version.
+ * A change to these raises the version; a reader takes its own version only.
  * Checksums are MD5: they find damage and tell contents apart, they are no protection against forgery. */
 #pragma once
 
+#include <cstdint>
 #include <memory>
 #include <optional>
 #include <string>
 #include <utility>
 #include <vector>
 
-#include "core/types.h"
+#include "map/map_content.h"
 #include "map/tiled_map.h"
 
 namespace raceloc {
 
-class SqliteFile;  // the open database: known to map_file.cpp alone
-
-/** Where the survey car was when it took a scan that went into the map. */
-struct KeyPose {
-  double stamp_s;  ///< [s since the epoch, UTC]
-  Pose T_map_body;
-  std::string session;  ///< one of MapInfo::sessions
-};
-
-struct MapInfo {
-  std::optional<GeodeticPoint> origin;  ///< of the map frame (ENU); none: the survey had no GPS
-  double tile_size_m;                   ///< edge of a tile
-  double point_spacing_m;               ///< edge of the voxels the points were averaged over
-  std::string tool_version;             ///< the program that made the map; not part of the content hash
-  std::string config;                   ///< ini text it was made with
-  std::vector<std::string> sessions;    ///< the recordings, in order
-};
+class SqliteFile;
 
 /** Writes a map in one transaction; the file appears under its name when it is whole. The same input gives
  * the same content hash and the same blobs.
  * \throws InputError if the file cannot be written (no such folder, no right, disk full); what was there
  *         stays.
- * \throws std::invalid_argument if info.tile_size_m is not the map's, a number is not finite or a key pose's
- *         session is not listed. */
-void saveMap(const std::string& path, const TiledMap& map, const MapInfo& info,
-             const std::vector<KeyPose>& key_poses);
+ * \throws std::invalid_argument saying what is wrong if the content contradicts the tiles or itself: another tile size,
+ *         a number that is not finite, a pose that is not rigid, a session, key pose or way-point that is not there,
+ *         an information or covariance that is not symmetric and positive semidefinite, stations out of order. */
+void saveMap(const std::string& path, const TiledMap& tiles, const MapContent& content);
 
 /** A map opened for reading: never changed, and no file appears beside it, so read-only media serve.
  * Everything that is handed out was checked first. One thread at a time. */
 class MapFile {
  public:
-  /** Reads all but the tiles' points. Cost: the key poses and a row of the index per tile.
+  /** Reads all but the tiles' points. Cost: the content's rows and a row of the index per tile.
    * \throws InputError naming the file and what is wrong: missing, not SQLite, not an .rlmap, of a version
-   *         this program does not know, truncated, or info, key poses and tile checksums that do not fit the
-   *         content hash. */
+   *         this program does not know, truncated, or the part that does not fit its checksum. */
   explicit MapFile(const std::string& path);
   ~MapFile();
   MapFile(MapFile&&) noexcept;
   MapFile& operator=(MapFile&&) noexcept;
 
-  [[nodiscard]] const MapInfo& info() const { return x_info; }
-  [[nodiscard]] const std::vector<KeyPose>& keyPoses() const { return x_key_poses; }
+  [[nodiscard]] const MapContent& content() const { return x_content; }
+  [[nodiscard]] const MapInfo& info() const { return x_content.info; }
+  [[nodiscard]] const std::vector<KeyPose>& keyPoses() const { return x_content.key_poses; }
 
-  /** "md5:" and 32 hexadecimal digits over info (without tool_version), key poses and all tile checksums. */
+  /** "md5:" and 32 hexadecimal digits over the content (without tool_version) and all tile checksums. */
   [[nodiscard]] const std::string& contentHash() const { return x_content_hash; }
 
   /** Of the tiles there are, ascending. */
   [[nodiscard]] const std::vector<std::pair<int, int>>& tileIndices() const { return x_tile_indices; }
+  [[nodiscard]] std::int64_t pointCount() const { return x_points; }
 
   /** One tile, or nothing where the map has none. \throws InputError naming the tile if it is damaged. */
   [[nodiscard]] std::optional<Tile> tile(int ix, int iy) const;
 
-  /** Reads every tile. With what opening checked, all content then fits the hash.
+  /** All of them, as saveMap() took them: with content(), what a further session is added to.
    * \throws InputError as tile() does. */
+  [[nodiscard]] TiledMap tiles() const;
+
+  /** Reads every tile, and holds the content to what saveMap() demands of it and the key poses to their racetrack IDs:
+   * a way-point is within 50 m of its key pose and heads the same way within 90 deg.
+   * \throws InputError as tile() does, or saying what is wrong. */
   void verify() const;
 
  private:
-  void readInfo();
-  void readKeyPoses();
-  void checkContentHash();
+  void readContent();
 
   std::unique_ptr<SqliteFile> x_database;
-  MapInfo x_info{};
-  std::vector<KeyPose> x_key_poses;
+  MapContent x_content{};
   std::vector<std::pair<int, int>> x_tile_indices;
+  std::int64_t x_points = 0;
   std::string x_content_hash;
 };
 

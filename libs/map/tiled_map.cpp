@@ -2,6 +2,7 @@
 
 #include <cmath>
 #include <stdexcept>
+#include <utility>
 
 namespace raceloc {
 
@@ -45,6 +46,14 @@ void TiledMap::insert(const Cloud& cloud_map, const gpu::CovariancesView& covari
     c.zz.push_back(covariances.zz[i]);
   }
   x_points += n;
+}
+
+void TiledMap::insert(Tile tile) {
+  const std::pair place{tile.ix, tile.iy};
+  const std::size_t points = tile.cloud.size();
+  if (!x_tiles.try_emplace(place, std::move(tile)).second)
+    throw std::invalid_argument("TiledMap: a tile that is there already");
+  x_points += points;
 }
 
 }  // namespace raceloc

@@ -33,6 +33,9 @@ class TiledMap {
    *         away, or if only one of this and earlier clouds has intensities. */
   void insert(const Cloud& cloud_map, const gpu::CovariancesView& covariances);
 
+  /** Adds a tile where the map has none, as it is. \throws std::invalid_argument if there is one already. */
+  void insert(Tile tile);
+
   [[nodiscard]] const std::map<std::pair<int, int>, Tile>& tiles() const { return x_tiles; }  ///< by (ix, iy)
   [[nodiscard]] double tileSize() const { return x_tile_size_m; }                             ///< [m]
   [[nodiscard]] std::size_t pointCount() const { return x_points; }

@@ -18,6 +18,9 @@
 #include <cmath>
 #include <cstdint>
 #include <fstream>
+#include <limits>
+#include <map>
+#include <utility>
 
 #include "core/errors.h"
 #include "core/output_file.h"
@@ -166,7 +169,58 @@ mrpt::obs::CObservationVelodyneScan::Ptr toVelodyneScan(const ExportScan& scan) 
   return out;
 }
 
+/** Numbers of the key poses that are at least `spacing_m` from each other, horizontally, first come first served. */
+std::vector<std::size_t> apart(const std::vector<KeyPose>& key_poses, double spacing_m) {
+  std::map<std::pair<int, int>, std::vector<Eigen::Vector2d>>
+      cells;  // of that size: neighbours are one cell away
+  std::vector<std::size_t> kept;
+  for (std::size_t i = 0; i < key_poses.size(); ++i) {
+    const Eigen::Vector2d p_m = key_poses[i].T_map_body.translation().head<2>();
+    const Eigen::Vector2i cell = (p_m / spacing_m).array().floor().cast<int>();
+    bool is_free = true;
+    for (int x = cell.x() - 1; is_free && x <= cell.x() + 1; ++x)
+      for (int y = cell.y() - 1; is_free && y <= cell.y() + 1; ++y)
+        if (const auto found = cells.find({x, y}); found != cells.end())
+          for (const Eigen::Vector2d& other_m : found->second)
+            is_free = is_free && (other_m - p_m).norm() >= spacing_m;
+    if (!is_free) continue;
+    cells[{cell.x(), cell.y()}].push_back(p_m);
+    kept.push_back(i);
+  }
+  return kept;
+}
+
 }  // namespace
+
+std::vector<ExportScan> scansOf(const TiledMap& map, const std::vector<KeyPose>& key_poses) {
+  constexpr double kSpacing_m = 10;
+  std::vector<ExportScan> scans;
+  for (const std::size_t i : apart(key_poses, kSpacing_m))
+    scans.push_back({key_poses[i].stamp_s, key_poses[i].T_map_body, {}});
+  if (scans.empty()) return scans;
+  const auto distance_m = [&](const ExportScan& scan, const Eigen::Vector2d& p_m) {
+    return (scan.T_map_body.translation().head<2>() - p_m).norm();
+  };
+  const double diagonal_m = std::sqrt(2) * map.tileSize();
+  for (const auto& [index, tile] : map.tiles()) {
+    const Eigen::Vector3d corner_m = tileCorner(tile, map.tileSize());
+    const Eigen::Vector2d centre_m = corner_m.head<2>().array() + map.tileSize() / 2;
+    double nearest_m = std::numeric_limits<double>::infinity();
+    for (const ExportScan& scan : scans) nearest_m = std::min(nearest_m, distance_m(scan, centre_m));
+    std::vector<ExportScan*> near;  // no other can be nearest to a point of this tile
+    for (ExportScan& scan : scans)
+      if (distance_m(scan, centre_m) <= nearest_m + diagonal_m) near.push_back(&scan);
+    for (std::size_t i = 0; i < tile.cloud.size(); ++i) {
+      const Eigen::Vector3d p_map_m = corner_m + tile.cloud.point(i).cast<double>();
+      ExportScan& scan = **std::min_element(near.begin(), near.end(), [&](const auto* a, const auto* b) {
+        return distance_m(*a, p_map_m.head<2>()) < distance_m(*b, p_map_m.head<2>());
+      });
+      scan.cloud_body.push((scan.T_map_body.inverse() * p_map_m).cast<float>());
+      if (!tile.cloud.intensity.empty()) scan.cloud_body.intensity.push_back(tile.cloud.intensity[i]);
+    }
+  }
+  return scans;
+}
 
 void writeSimplemap(const std::string& path, const std::vector<ExportScan>& scans) {
   mrpt::maps::CSimpleMap map;

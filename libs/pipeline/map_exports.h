@@ -25,6 +25,10 @@ struct ExportScan {
  * \throws InputError if the file cannot be written whole; what was there stays. */
 void writeSimplemap(const std::string& path, const std::vector<ExportScan>& scans);
 
+/** A map's points as scans, for a map whose own scans are gone: every point with the nearest of the key poses that
+ * are 10 m or more from each other (in the order of `key_poses`, horizontally). No key poses give no scans. */
+[[nodiscard]] std::vector<ExportScan> scansOf(const TiledMap& map, const std::vector<KeyPose>& key_poses);
+
 /** A scene in the map frame for SceneViewer3D: the map's points (every n-th, at most 3 million) coloured by
  * height, a line along the key poses of each session, a small frame at up to 200 of them, and a grid at the
  * ground. SceneViewer3D looks at the map's origin from 20 m when it starts; zoom out from there.

@@ -8,13 +8,14 @@
 #include <optional>
 #include <set>
 #include <string>
+#include <tuple>
 #include <utility>
 #include <vector>
 
 #include "map/map_file.h"
 #include "map/tile_query.h"
 #include "map/tiled_map.h"
-#include "support/forall.h"
+#include "support/some_map.h"
 
 namespace raceloc {
 namespace {
@@ -113,44 +114,82 @@ TEST(MapFileProperty, GivesBackEveryBit) {
     TiledMap map(rnd.oneOf({32.0, 7.3}));
     const Sample sample = randomSample(rnd, rnd.integer(0, 2000), 100, rnd.oneOf({true, false}));
     map.insert(sample.cloud, sample.covariances.view());
-    const MapInfo info = infoOf(map, rnd);
-    const auto poses = keyPoses(rnd, rnd.integer(0, 50));
-    saveMap(scratch.path(), map, info, poses);
+    MapContent content = test::someContent(rnd, map.tileSize());
+    if (rnd.oneOf({true, false})) content.info.origin.reset();
+    content.info.config = std::string("[map]\n\0\xC3\xA4", 9);  // a zero byte and UTF-8 come back too
+    saveMap(scratch.path(), map, content);
 
     const MapFile file(scratch.path());
     file.verify();
-    ASSERT_EQ(file.info().origin.has_value(), info.origin.has_value());
-    if (info.origin) {
-      EXPECT_EQ(file.info().origin->latitude_deg, info.origin->latitude_deg);
-      EXPECT_EQ(file.info().origin->longitude_deg, info.origin->longitude_deg);
-      EXPECT_EQ(file.info().origin->height_m, info.origin->height_m);
+    const MapContent& read = file.content();
+    ASSERT_EQ(read.info.origin.has_value(), content.info.origin.has_value());
+    if (content.info.origin) {
+      EXPECT_EQ(read.info.origin->latitude_deg, content.info.origin->latitude_deg);
+      EXPECT_EQ(read.info.origin->longitude_deg, content.info.origin->longitude_deg);
+      EXPECT_EQ(read.info.origin->height_m, content.info.origin->height_m);
     }
-    EXPECT_EQ(file.info().tile_size_m, info.tile_size_m);
-    EXPECT_EQ(file.info().point_spacing_m, info.point_spacing_m);
-    EXPECT_EQ(file.info().tool_version, info.tool_version);
-    EXPECT_EQ(file.info().config, info.config);
-    EXPECT_EQ(file.info().sessions, info.sessions);
-    ASSERT_EQ(file.keyPoses().size(), poses.size());
-    for (std::size_t i = 0; i < poses.size(); ++i) {
-      EXPECT_EQ(file.keyPoses()[i].stamp_s, poses[i].stamp_s);
-      EXPECT_EQ(file.keyPoses()[i].session, poses[i].session);
-      EXPECT_EQ(file.keyPoses()[i].T_map_body.matrix(), poses[i].T_map_body.matrix());
-    }
+    EXPECT_EQ(read.info.tile_size_m, content.info.tile_size_m);
+    EXPECT_EQ(read.info.point_spacing_m, content.info.point_spacing_m);
+    EXPECT_EQ(read.info.waypoint_spacing_m, content.info.waypoint_spacing_m);
+    EXPECT_EQ(read.info.tool_version, content.info.tool_version);
+    EXPECT_EQ(read.info.config, content.info.config);
+    EXPECT_EQ(read.info.sessions, content.info.sessions);
+    const auto expectSamePose = [](const std::optional<Pose>& a, const std::optional<Pose>& b) {
+      ASSERT_EQ(a.has_value(), b.has_value());
+      if (a) {
+        EXPECT_EQ(a->matrix(), b->matrix());
+      }
+    };
+    const auto expectSame = [](const auto& a, const auto& b, const auto& compare) {
+      ASSERT_EQ(a.size(), b.size());
+      for (std::size_t i = 0; i < a.size(); ++i) compare(a[i], b[i]);
+    };
+    expectSame(read.key_poses, content.key_poses, [&](const KeyPose& a, const KeyPose& b) {
+      EXPECT_EQ(a.stamp_s, b.stamp_s);
+      EXPECT_EQ(a.session, b.session);
+      EXPECT_EQ(a.racetrack_id, b.racetrack_id);
+      expectSamePose(a.T_map_body, b.T_map_body);
+      expectSamePose(a.T_map_body_gps, b.T_map_body_gps);
+      expectSamePose(a.T_map_body_lidar, b.T_map_body_lidar);
+    });
+    expectSame(read.waypoints, content.waypoints, [](const MapWaypoint& a, const MapWaypoint& b) {
+      EXPECT_EQ(a.p_map_m, b.p_map_m);
+      EXPECT_EQ(a.heading_rad, b.heading_rad);
+    });
+    expectSame(read.edges, content.edges, [&](const MapEdge& a, const MapEdge& b) {
+      EXPECT_EQ(std::tuple(a.i, a.j, a.kind), std::tuple(b.i, b.j, b.kind));
+      expectSamePose(a.T_i_j, b.T_i_j);
+      EXPECT_EQ(a.information, b.information);
+    });
+    expectSame(read.fixes, content.fixes, [](const MapFix& a, const MapFix& b) {
+      EXPECT_EQ(std::tuple(a.key, a.receiver, a.weight), std::tuple(b.key, b.receiver, b.weight));
+      EXPECT_EQ(a.p_map_antenna_m, b.p_map_antenna_m);
+      EXPECT_EQ(a.cov_map_m2, b.cov_map_m2);
+      EXPECT_EQ(a.p_body_antenna_m, b.p_body_antenna_m);
+    });
+    expectSame(read.road, content.road, [](const RoadStation& a, const RoadStation& b) {
+      EXPECT_EQ(std::tuple(a.station_m, a.height_m, a.grade_rad, a.bank_rad),
+                std::tuple(b.station_m, b.height_m, b.grade_rad, b.bank_rad));
+    });
+    expectSame(read.walls, content.walls, [](const WallPoint& a, const WallPoint& b) {
+      EXPECT_EQ(std::tuple(a.station_m, a.side, a.height_m), std::tuple(b.station_m, b.side, b.height_m));
+      EXPECT_EQ(a.p_map_foot_m, b.p_map_foot_m);
+    });
     ASSERT_EQ(file.tileIndices().size(), map.tiles().size());
     for (const auto& [index, tile] : map.tiles()) {
-      const auto read = file.tile(index.first, index.second);
-      ASSERT_TRUE(read.has_value());
-      EXPECT_EQ(std::pair(read->ix, read->iy), index);
-      EXPECT_EQ(read->cloud.x, tile.cloud.x);
-      EXPECT_EQ(read->cloud.y, tile.cloud.y);
-      EXPECT_EQ(read->cloud.z, tile.cloud.z);
-      EXPECT_EQ(read->cloud.intensity, tile.cloud.intensity);
-      EXPECT_EQ(read->covariances.xx, tile.covariances.xx);
-      EXPECT_EQ(read->covariances.xy, tile.covariances.xy);
-      EXPECT_EQ(read->covariances.xz, tile.covariances.xz);
-      EXPECT_EQ(read->covariances.yy, tile.covariances.yy);
-      EXPECT_EQ(read->covariances.yz, tile.covariances.yz);
-      EXPECT_EQ(read->covariances.zz, tile.covariances.zz);
+      const auto kept = file.tile(index.first, index.second);
+      ASSERT_TRUE(kept.has_value());
+      EXPECT_EQ(std::pair(kept->ix, kept->iy), index);
+      EXPECT_EQ(kept->cloud.x, tile.cloud.x);
+      EXPECT_EQ(kept->cloud.y, tile.cloud.y);
+      EXPECT_EQ(kept->cloud.z, tile.cloud.z);
+      EXPECT_EQ(kept->cloud.intensity, tile.cloud.intensity);
+      EXPECT_EQ(kept->covariances.xx, tile.covariances.xx);
+      EXPECT_EQ(kept->covariances.xy, tile.covariances.xy);
+      EXPECT_EQ(kept->covariances.xz, tile.covariances.xz);
+      EXPECT_EQ(kept->covariances.yy, tile.covariances.yy);
+      EXPECT_EQ(kept->covariances.yz, tile.covariances.yz);
+      EXPECT_EQ(kept->covariances.zz, tile.covariances.zz);
     }
     EXPECT_FALSE(file.tile(1 << 19, 0).has_value());
   });
@@ -172,7 +211,7 @@ TEST(MapFileProperty, HashDoesNotDependOnTheOrderOfSeparateTiles) {
       TiledMap map(32);
       for (const Sample& square : squares) map.insert(square.cloud, square.covariances.view());
       const ScratchFile scratch;
-      saveMap(scratch.path(), map, info, poses);
+      saveMap(scratch.path(), map, {info, poses});
       hashes.insert(MapFile(scratch.path()).contentHash());
       std::rotate(squares.begin(), squares.begin() + rnd.integer(1, 7), squares.end());
     }
@@ -187,7 +226,7 @@ TEST(TileWindowProperty, CoversTheRadiusAndRebuildsAtMostOnceInHalfATile) {
     TiledMap map(tile_size_m);
     map.insert(sample.cloud, sample.covariances.view());
     const ScratchFile scratch;
-    saveMap(scratch.path(), map, infoOf(map, rnd), {});
+    saveMap(scratch.path(), map, {infoOf(map, rnd), {}});
     const MapFile file(scratch.path());
     gpu::Context context(gpu::Backend::cpu);
     TileWindow window(context, file, 1, radius_m);

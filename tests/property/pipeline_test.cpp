@@ -40,7 +40,7 @@ class LocalizerTest : public ::testing::Test {
     dense.radius_m = 0.6;
     const CovarianceCloud map = withCovariances(context_, voxelGrid(context_, street_, 0.2), dense);
     tiles.insert(map.cloud, map.covariances.view());
-    saveMap(path_, tiles, {GeodeticPoint{49, 8, 100}, 32, 0.2, "test", "", {"survey"}}, {});
+    saveMap(path_, tiles, {{GeodeticPoint{49, 8, 100}, 32, 0.2, "test", "", {"survey"}}, {}});
   }
   void TearDown() override { std::filesystem::remove(path_); }
 

@@ -8,18 +8,23 @@
 #include <fstream>
 #include <iterator>
 #include <limits>
+#include <set>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "core/errors.h"
+#include "map/bytes.h"
 #include "map/map_file.h"
 #include "map/tile_query.h"
 #include "map/tiled_map.h"
-#include "support/forall.h"
+#include "support/killed.h"
+#include "support/some_map.h"
 
 namespace raceloc {
 namespace {
 
+using test::groundMap;
 using ::testing::HasSubstr;
 
 /** Points with a covariance each, and views on them. */
@@ -34,30 +39,6 @@ void push(Sample& sample, const Eigen::Vector3f& p_map_m, float scale = 1) {
   float value = scale;
   for (std::vector<float>* array : {&c.xx, &c.xy, &c.xz, &c.yy, &c.yz, &c.zz})
     array->push_back(value += 0.25F);
-}
-
-/** Ground over a square of `size_m` about the origin, one point every `spacing_m`. */
-TiledMap groundMap(double tile_size_m, int size_m, int spacing_m) {
-  Sample ground;
-  for (int x = -size_m; x < size_m; x += spacing_m)
-    for (int y = -size_m; y < size_m; y += spacing_m)
-      push(ground, Eigen::Vector3f(static_cast<float>(x) + 0.5F, static_cast<float>(y) + 0.5F, 0.1F));
-  TiledMap map(tile_size_m);
-  map.insert(ground.cloud, ground.covariances.view());
-  return map;
-}
-
-MapInfo someInfo(const TiledMap& map) {
-  return {GeodeticPoint{48.982, 8.3904, 116.4}, map.tileSize(),     0.25, "0.1.0",
-          "[map]\ntile_size_m = 32\n",          {"morning", "noon"}};
-}
-
-std::vector<KeyPose> someKeyPoses() {
-  test::Random rnd(7);
-  std::vector<KeyPose> poses;
-  poses.reserve(20);
-  for (int i = 0; i < 20; ++i) poses.push_back({1.3e9 + i, rnd.pose(3, 50), i < 12 ? "morning" : "noon"});
-  return poses;
 }
 
 std::string bytesOf(const std::string& path) {
@@ -91,7 +72,7 @@ class MapFileTest : public ::testing::Test {
   }
   void TearDown() override { std::filesystem::remove_all(folder_); }
 
-  void save() { saveMap(path_, map_, someInfo(map_), someKeyPoses()); }
+  void save() { saveMap(path_, map_, content_); }
   [[nodiscard]] std::string openingError() const {
     return errorOf([&] { MapFile file(path_); });
   }
@@ -103,6 +84,8 @@ class MapFileTest : public ::testing::Test {
   std::filesystem::path folder_;
   std::string path_;
   TiledMap map_ = groundMap(32, 64, 2);
+  test::Random rnd_{7};
+  MapContent content_ = test::someContent(rnd_, 32);
 };
 
 TEST(TiledMap, BordersBelongToTheTileEastAndNorthOfThem) {
@@ -169,43 +152,71 @@ TEST_F(MapFileTest, HashSeesEveryPartOfTheContentButNotTheProgram) {
   const std::string hash = MapFile(path_).contentHash();
   EXPECT_EQ(hash.substr(0, 4), "md5:");
   EXPECT_EQ(hash.size(), 36U);
-  const auto hashWith = [&](const TiledMap& map, const MapInfo& info, const std::vector<KeyPose>& poses) {
-    saveMap(path_, map, info, poses);
+  const auto hashAfter = [&](const auto& change) {
+    MapContent content = content_;
+    change(content);
+    saveMap(path_, map_, content);
     return MapFile(path_).contentHash();
   };
-  const MapInfo info = someInfo(map_);
-  MapInfo changed = info;
-  changed.tool_version = "0.2.0";
-  EXPECT_EQ(hashWith(map_, changed, someKeyPoses()), hash);
-  changed = info;
-  changed.config += "\n";
-  EXPECT_NE(hashWith(map_, changed, someKeyPoses()), hash);
-  changed = info;
-  changed.origin->height_m += 1e-6;
-  EXPECT_NE(hashWith(map_, changed, someKeyPoses()), hash);
-  changed.origin.reset();
-  EXPECT_NE(hashWith(map_, changed, someKeyPoses()), hash);
-  changed = info;
-  changed.sessions.emplace_back("evening");
-  EXPECT_NE(hashWith(map_, changed, someKeyPoses()), hash);
-  auto poses = someKeyPoses();
-  poses[3].T_map_body.translation().x() += 1e-9;
-  EXPECT_NE(hashWith(map_, info, poses), hash);
+  EXPECT_EQ(hashAfter([](MapContent& c) { c.info.tool_version = "0.2.0"; }), hash);
+  std::set<std::string> others;
+  const auto expectAnother = [&](const auto& change) {
+    EXPECT_TRUE(others.insert(hashAfter(change)).second) << others.size();
+  };
+  others.insert(hash);
+  expectAnother([](MapContent& c) { c.info.config += "\n"; });
+  expectAnother([](MapContent& c) { c.info.origin->height_m += 1e-6; });
+  expectAnother([](MapContent& c) { c.info.origin.reset(); });
+  expectAnother([](MapContent& c) { c.info.sessions.emplace_back("evening"); });
+  expectAnother([](MapContent& c) { c.key_poses[3].T_map_body.translation().x() += 1e-9; });
+  expectAnother([](MapContent& c) { c.key_poses[3].racetrack_id.reset(); });
+  expectAnother([](MapContent& c) { c.key_poses[3].T_map_body_lidar.reset(); });
+  expectAnother([](MapContent& c) { c.waypoints[3].heading_rad += 1e-9; });
+  expectAnother([](MapContent& c) { c.edges[3].kind = EdgeKind::loop; });
+  expectAnother([](MapContent& c) { c.edges[3].information *= 2; });
+  expectAnother([](MapContent& c) { c.fixes[3].weight *= 0.5; });
+  expectAnother([](MapContent& c) { c.fixes[3].receiver = "gps_rear"; });
+  expectAnother([](MapContent& c) { c.road.pop_back(); });
+  expectAnother([](MapContent& c) { c.walls.pop_back(); });
   Sample one;
   push(one, {0, 0, 0});
-  TiledMap larger = map_;
-  larger.insert(one.cloud, one.covariances.view());
-  EXPECT_NE(hashWith(larger, info, someKeyPoses()), hash);
-  EXPECT_EQ(hashWith(map_, info, someKeyPoses()), hash);
+  map_.insert(one.cloud, one.covariances.view());
+  EXPECT_TRUE(others.insert(hashAfter([](MapContent&) {})).second);
+}
+
+TEST_F(MapFileTest, ASessionIsAddedToWhatTheFileGivesBack) {
+  save();
+  const std::string hash = MapFile(path_).contentHash();
+  {
+    const MapFile file(path_);
+    TiledMap tiles = file.tiles();
+    EXPECT_EQ(static_cast<std::size_t>(file.pointCount()), tiles.pointCount());
+    MapContent content = file.content();
+    saveMap(path_, tiles, content);  // an open map may be replaced: readers keep the old one
+    EXPECT_EQ(MapFile(path_).contentHash(), hash);
+    content.info.sessions.emplace_back("evening");
+    content.key_poses.push_back({1.4e9, content.key_poses[0].T_map_body, "evening", 0});
+    content.edges.push_back({0, 20, Pose::Identity(), Matrix6d::Identity(), EdgeKind::loop});
+    Sample further;
+    push(further, {500, 0, 0});
+    tiles.insert(further.cloud, further.covariances.view());
+    saveMap(path_, tiles, content);
+    EXPECT_EQ(file.tile(0, 0)->cloud.size(), tiles.tiles().at({0, 0}).cloud.size());
+  }
+  const MapFile grown(path_);
+  grown.verify();
+  EXPECT_EQ(grown.keyPoses().size(), 21U);
+  EXPECT_EQ(grown.content().edges.back().j, 20);
+  EXPECT_EQ(static_cast<std::size_t>(grown.pointCount()), map_.pointCount() + 1);
 }
 
 TEST_F(MapFileTest, AMapWithoutAnythingIsAMap) {
   const TiledMap nothing(32);
-  MapInfo info = someInfo(nothing);
+  MapInfo info = content_.info;
   info.sessions.clear();
   info.config = "";
   info.origin->latitude_deg = -0.0;
-  saveMap(path_, nothing, info, {});
+  saveMap(path_, nothing, {info, {}});
   const MapFile file(path_);
   file.verify();
   EXPECT_TRUE(file.tileIndices().empty());
@@ -215,16 +226,72 @@ TEST_F(MapFileTest, AMapWithoutAnythingIsAMap) {
 }
 
 TEST_F(MapFileTest, RefusesAMapThatContradictsItself) {
-  MapInfo info = someInfo(map_);
-  info.tile_size_m = 16;
-  EXPECT_THROW(saveMap(path_, map_, info, {}), std::invalid_argument);
-  info = someInfo(map_);
-  info.origin->latitude_deg = std::numeric_limits<double>::quiet_NaN();
-  EXPECT_THROW(saveMap(path_, map_, info, {}), std::invalid_argument);
-  auto poses = someKeyPoses();
-  poses.back().session = "midnight";
-  EXPECT_THROW(saveMap(path_, map_, someInfo(map_), poses), std::invalid_argument);
+  const auto faultAfter = [&](const auto& change) {
+    MapContent content = content_;
+    change(content);
+    try {
+      saveMap(path_, map_, content);
+    } catch (const std::invalid_argument& e) {
+      return std::string(e.what());
+    }
+    return std::string("no fault");
+  };
+  constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
+  EXPECT_THAT(faultAfter([](MapContent& c) { c.info.tile_size_m = 16; }), HasSubstr("two tile sizes"));
+  EXPECT_THAT(faultAfter([](MapContent& c) { c.info.origin->latitude_deg = kNan; }), HasSubstr("info row 0"));
+  EXPECT_THAT(faultAfter([](MapContent& c) { c.edges[2].T_i_j.translation().y() = kNan; }),
+              HasSubstr("edges row 2"));
+  EXPECT_THAT(faultAfter([](MapContent& c) { c.road[1].bank_rad = kNan; }), HasSubstr("road row 1"));
+  EXPECT_THAT(faultAfter([](MapContent& c) { c.key_poses[19].session = "midnight"; }),
+              HasSubstr("key pose 19 is of session midnight"));
+  EXPECT_THAT(faultAfter([](MapContent& c) { c.key_poses[4].T_map_body.linear() *= 1.1; }),
+              HasSubstr("key pose 4 has a pose that is not rigid"));
+  EXPECT_THAT(faultAfter([](MapContent& c) { c.key_poses[4].racetrack_id = 40; }),
+              HasSubstr("key pose 4 has racetrack ID 40, but there are 40"));
+  EXPECT_THAT(faultAfter([](MapContent& c) { c.info.waypoint_spacing_m = 0; }), HasSubstr("no spacing"));
+  EXPECT_THAT(faultAfter([](MapContent& c) { c.edges[5].j = 20; }), HasSubstr("edge 5 does not tie"));
+  EXPECT_THAT(faultAfter([](MapContent& c) { c.edges[5].information *= -1; }),
+              HasSubstr("edge 5 has no positive information"));
+  EXPECT_THAT(faultAfter([](MapContent& c) { c.fixes[6].key = -1; }), HasSubstr("fix 6"));
+  EXPECT_THAT(faultAfter([](MapContent& c) { c.fixes[6].cov_map_m2(0, 1) += 1; }),
+              HasSubstr("fix 6 has no positive covariance"));
+  EXPECT_THAT(faultAfter([](MapContent& c) { c.fixes[6].weight = 1.1; }), HasSubstr("fix 6 has a weight"));
+  EXPECT_THAT(faultAfter([](MapContent& c) { std::swap(c.road[0], c.road[1]); }), HasSubstr("the road"));
+  EXPECT_THAT(faultAfter([](MapContent& c) { std::swap(c.walls.front(), c.walls.back()); }),
+              HasSubstr("the walls"));
   EXPECT_EQ(filesInFolder(), 0U);
+}
+
+TEST_F(MapFileTest, VerifyHoldsKeyPosesToTheirWayPoints) {
+  content_.key_poses[4].racetrack_id = *content_.key_poses[4].racetrack_id + 20;  // across the circle
+  save();
+  const MapFile file(path_);
+  EXPECT_THAT(
+      errorOf([&] { file.verify(); }),
+      AllOf(HasSubstr("key pose 4 is 8"), HasSubstr("deg away from the way-point of its racetrack ID 32")));
+}
+
+TEST_F(MapFileTest, AKillLeavesOneMapOrTheOther) {
+  const double once_s = test::secondsOf([&] { save(); });
+  MapContent other = content_;
+  other.info.sessions.emplace_back("evening");
+  const std::string hash = MapFile(path_).contentHash(), other_path = (folder_ / "other.rlmap").string();
+  saveMap(other_path, map_, other);
+  const std::set<std::string> either{hash, MapFile(other_path).contentHash()};
+  std::size_t changed = 0;
+  for (int round = 0; round < 20; ++round) {
+    test::killedAfter(rnd_.uniform(0, 4 * once_s), [&] {
+      for (;;) {
+        saveMap(path_, map_, other);
+        saveMap(path_, map_, content_);
+      }
+    });
+    const MapFile file(path_);
+    file.verify();
+    EXPECT_EQ(either.count(file.contentHash()), 1U);
+    if (file.contentHash() != hash) ++changed;
+  }
+  EXPECT_GT(changed, 0U);  // the child did write
 }
 
 TEST_F(MapFileTest, SaysThatTheFileIsMissing) {
@@ -248,12 +315,16 @@ TEST_F(MapFileTest, SaysThatTheSqliteFileIsAnothers) {
   EXPECT_THAT(openingError(), HasSubstr("is an SQLite file, but not an .rlmap"));
 }
 
-TEST_F(MapFileTest, SaysThatTheFormatIsNewer) {
+TEST_F(MapFileTest, SaysThatTheFormatIsAnother) {
   save();
   std::string bytes = bytesOf(path_);
-  bytes[63] = 2;  // sqlite.org/fileformat.html: the user version
-  write(path_, bytes);
-  EXPECT_THAT(openingError(), HasSubstr("is of map format 2, but this program reads format 1"));
+  for (const int version : {1, 3}) {
+    bytes[63] = static_cast<char>(version);  // sqlite.org/fileformat.html: the user version
+    write(path_, bytes);
+    EXPECT_THAT(openingError(),
+                HasSubstr("is of map format " + std::to_string(version) +
+                          ", but this program reads format 2; use the raceloc that made it or"));
+  }
 }
 
 TEST_F(MapFileTest, SaysThatTheFileIsCutShort) {
@@ -270,7 +341,7 @@ TEST_F(MapFileTest, NamesTheDamagedTileAndServesTheOthers) {
   for (int i = 0; i < 4; ++i) push(marked, {-1, 33, 77 + 0.125F * static_cast<float>(i)});
   TiledMap map = map_;
   map.insert(marked.cloud, marked.covariances.view());
-  saveMap(path_, map, someInfo(map), {});
+  saveMap(path_, map, {content_.info, {}});
   std::string heights(4 * sizeof(float), '\0');
   std::memcpy(heights.data(), marked.cloud.z.data(), heights.size());
   std::string bytes = bytesOf(path_);
@@ -288,15 +359,56 @@ TEST_F(MapFileTest, NamesTheDamagedTileAndServesTheOthers) {
 
 TEST_F(MapFileTest, DamageToTheRestIsFoundOnOpening) {
   save();
-  for (const std::string needle : {"tile_size_m = 32", "morning"}) {
-    std::string bytes = bytesOf(path_);
+  const std::string clean = bytesOf(path_);
+  const auto bytesLike = [](double value) {
+    Bytes bytes;
+    append(bytes, value);
+    return std::string(bytes.begin(), bytes.end());
+  };
+  const auto stationLike = [&](double value) {  // a column of SQLite's own: big-endian
+    const std::string bytes = bytesLike(value);
+    return std::string(bytes.rbegin(), bytes.rend());
+  };
+  const std::vector<std::pair<std::string, std::string>> parts{
+      {"info", "tile_size_m = 32"},
+      {"sessions", "morning"},
+      {"key_poses", bytesLike(content_.key_poses[3].T_map_body.translation().x())},
+      {"waypoints", bytesLike(content_.waypoints[3].p_map_m.x())},
+      {"edges", bytesLike(content_.edges[3].information(0, 0))},
+      {"fixes", bytesLike(content_.fixes[3].p_body_antenna_m.z())},
+      {"road", stationLike(content_.road[3].height_m)},
+      {"walls", bytesLike(content_.walls[3].p_map_foot_m.y())}};
+  for (const auto& [part, needle] : parts) {
+    std::string bytes = clean;
     const std::size_t at = bytes.find(needle);
-    ASSERT_NE(at, std::string::npos);
+    ASSERT_NE(at, std::string::npos) << part;
     bytes[at] ^= 1;
     write(path_, bytes);
-    EXPECT_THAT(openingError(), HasSubstr("its content hash is md5:"));
-    save();
+    EXPECT_THAT(openingError(), HasSubstr(path_ + ": damaged: " + part + " does not fit its checksum"));
   }
+  std::string bytes = clean;
+  bytes[bytes.find("md5:") + 4] ^= 1;
+  write(path_, bytes);
+  EXPECT_THAT(openingError(), HasSubstr("its content hash is md5:"));
+}
+
+TEST_F(MapFileTest, DamageAnywhereIsAnInputErrorOrChangesNothing) {
+  save();
+  const std::string clean = bytesOf(path_);
+  std::size_t found = 0;
+  for (int i = 0; i < 300; ++i) {
+    std::string bytes = clean;
+    for (int k = 0; k < 8; ++k)
+      bytes[static_cast<std::size_t>(rnd_.integer(100, static_cast<int>(bytes.size()) - 1))] =
+          static_cast<char>(rnd_.integer(0, 255));
+    write(path_, bytes);
+    try {
+      MapFile(path_).verify();
+    } catch (const InputError&) {
+      ++found;
+    }
+  }
+  EXPECT_GT(found, 200U);  // the rest hit bytes that SQLite does not use
 }
 
 TEST_F(MapFileTest, AnUnwritableOutputLeavesNothing) {

@@ -18,7 +18,7 @@
 #include "pipeline/map_exports.h"
 #include "sensors/mrpt_stamp.h"
 #include "sensors/pose_conversion.h"
-#include "support/forall.h"
+#include "support/some_map.h"
 
 namespace raceloc {
 namespace {
@@ -111,6 +111,24 @@ TEST_F(MapExportsTest, SceneHoldsThePointsWhereTheMapHasThemAndALineForEachSessi
   const auto line = scene.getByClass<mrpt::opengl::CSetOfLines>();
   ASSERT_TRUE(line);
   EXPECT_EQ(line->getLineCount(), 7U);  // 3 steps of session a, 4 of session b, none between them
+}
+
+TEST_F(MapExportsTest, ScansOfAMapHoldEachPointOnceAndNearby) {
+  const TiledMap map = test::groundMap(32, 64, 2);
+  const auto poses = test::someContent(rnd_, 32).key_poses;
+  const auto scans = scansOf(map, poses);
+  ASSERT_GT(scans.size(), 10U);
+  std::size_t points = 0;
+  for (const ExportScan& scan : scans)
+    for (std::size_t i = 0; i < scan.cloud_body.size(); ++i, ++points) {
+      const Eigen::Vector3d p_map_m = scan.T_map_body * scan.cloud_body.point(i).cast<double>();
+      EXPECT_NEAR(p_map_m.z(), 0.1, 1e-4);
+      const auto away_m = [&](const Pose& T) { return (T.translation() - p_map_m).head<2>().norm(); };
+      for (const ExportScan& other : scans)
+        ASSERT_LE(away_m(scan.T_map_body), away_m(other.T_map_body) + 1e-4);
+    }
+  EXPECT_EQ(points, map.pointCount());
+  EXPECT_TRUE(scansOf(map, {}).empty());
 }
 
 TEST_F(MapExportsTest, WithoutAnyContentTheFilesOpenAsWell) {

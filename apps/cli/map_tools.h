@@ -1,0 +1,36 @@
+/** \file
+ * A finished map: what is in it, other formats of it, and whether it is whole. */
+#pragma once
+
+#include <optional>
+#include <set>
+#include <string>
+#include <vector>
+
+namespace raceloc {
+
+struct MapInfoArgs {
+  std::string map_path;
+};
+struct MapExportArgs {
+  std::string map_path, prefix;
+  std::set<std::string> formats;  ///< names of the options: "ply", "geojson", ...
+};
+struct MapCheckArgs {
+  std::string map_path;
+};
+
+/** \name The words of a sub-command: the program's name, then its arguments. None after `--help` or `--version`.
+ * \throws InputError for arguments that do not fit. @{ */
+[[nodiscard]] std::optional<MapInfoArgs> parseMapInfo(std::vector<std::string> words);
+[[nodiscard]] std::optional<MapExportArgs> parseMapExport(std::vector<std::string> words);
+[[nodiscard]] std::optional<MapCheckArgs> parseMapCheck(std::vector<std::string> words);
+/** @} */
+
+/** \name What they do. \throws InputError for a map that is missing or damaged, and outputs that cannot be written. @{ */
+void mapInfo(const MapInfoArgs& args);
+void mapExport(const MapExportArgs& args);
+void mapCheck(const MapCheckArgs& args);
+/** @} */
+
+}  // namespace raceloc
