@@ -119,8 +119,8 @@ struct Linearise {
 
   void operator()(const LevelFactor& f) const {
     const Eigen::Matrix3d& R = T[f.i].linear();
-    out.r.head<2>() = R.col(2).head<2>() / f.sigma_rad;
-    out.J_i.topLeftCorner<2, 3>() = -(R * skew(Eigen::Vector3d::UnitZ())).topRows<2>() / f.sigma_rad;
+    out.r.head<2>() = (R * f.up_body).head<2>() / f.sigma_rad;
+    out.J_i.topLeftCorner<2, 3>() = -(R * skew(f.up_body)).topRows<2>() / f.sigma_rad;
   }
 };
 

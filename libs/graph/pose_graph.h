@@ -62,9 +62,10 @@ struct AttitudeFactor {
   RobustLoss loss;
 };
 
-/** Roll and pitch near zero: r = x and y of the body's z axis in the map, over sigma. */
+/** Roll and pitch: r = x and y of what is up in the body, turned into the map, over sigma. */
 struct LevelFactor {
   std::size_t i;
+  Eigen::Vector3d up_body;  ///< unit vector
   double sigma_rad;
   RobustLoss loss;
 };

@@ -86,6 +86,7 @@ OdometryStep LivOdometry::add(const Sweep& sweep, MotionHistory& history) {
   if (x_last_stamp_s) {
     const double duration_s = step.stamp_s - *x_last_stamp_s;
     const auto predicted = history.between(*x_last_stamp_s, step.stamp_s);
+    step.predicted = predicted;
     const Pose T_last_guess =
         predicted ? predicted->T_start_end : se3Exp(velocityOf(x_last_motion) * duration_s);
     const Pose T_guess = x_T_odom_body * T_last_guess;

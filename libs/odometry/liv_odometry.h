@@ -29,6 +29,7 @@ struct OdometryStep {
   double stamp_s;         ///< end of the sweep
   Pose T_odom_body;       ///< `odom`: the body's frame at the first scan
   BodyMotion since_last;  ///< measured motion since the scan before; zero duration at the first scan
+  std::optional<BodyMotion> predicted;  ///< the same by gyro and wheels alone; none while they are silent
   Registration match;     ///< against the local map; at the first scan of a track: identity, nothing matched
   bool trusted;           ///< false: the pose is dead reckoning alone
   bool restarted;         ///< the local map was given up and begun anew with this scan

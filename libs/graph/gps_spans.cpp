@@ -1,0 +1,104 @@
+#include "graph/gps_spans.h"
+
+#include <Eigen/Eigenvalues>
+#include <algorithm>
+#include <cmath>
+#include <cstdio>
+#include <map>
+
+#include "core/statistics.h"
+
+namespace raceloc {
+
+namespace {
+
+struct Judged {
+  std::size_t key;
+  double stamp_s, off_m, claimed_m;
+  bool off, poor;
+};
+
+double worstSigma(const Eigen::Matrix3d& covariance) {
+  return std::sqrt(Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d>(covariance).eigenvalues()(2));
+}
+
+std::map<std::string, std::vector<Judged>> judged(const std::vector<Keyframe>& keyframes,
+                                                  const std::vector<Pose>& T_map_body,
+                                                  const GraphOptions& o) {
+  std::map<std::string, std::vector<Judged>> by_receiver;
+  for (std::size_t key = 0; key < keyframes.size(); ++key)
+    for (const KeyGps& gps : keyframes[key].gps) {
+      const double off_m = (T_map_body[key] * gps.p_body_antenna_m - gps.p_map_antenna_m).norm();
+      const double claimed_m = worstSigma(gps.cov_map_m2);
+      by_receiver[gps.receiver].push_back(
+          {key, keyframes[key].stamp_s, off_m, claimed_m,
+           off_m > o.gps_refuse_sigma * std::hypot(claimed_m, o.gps_min_sigma_m),
+           claimed_m > o.gps_poor_sigma_m});
+    }
+  return by_receiver;
+}
+
+/** Spans of the fixes for which `bad` holds. */
+template <class Bad>
+void collect(const std::string& receiver, const std::vector<Judged>& fixes, const GraphOptions& o,
+             bool refused, const Bad& bad, std::vector<GpsSpan>& spans) {
+  for (std::size_t begin = 0; begin < fixes.size();) {
+    if (!bad(fixes[begin])) {
+      ++begin;
+      continue;
+    }
+    std::size_t end = begin + 1;  // one beyond the last bad fix
+    for (std::size_t i = end;
+         i < fixes.size() && std::abs(fixes[i].stamp_s - fixes[end - 1].stamp_s) <= o.gps_span_gap_s; ++i)
+      if (bad(fixes[i])) end = i + 1;
+    std::vector<double> claimed_m;
+    double squared_m2 = 0;
+    for (std::size_t i = begin; i < end; ++i) {
+      claimed_m.push_back(fixes[i].claimed_m);
+      squared_m2 += fixes[i].off_m * fixes[i].off_m;
+    }
+    spans.push_back({receiver, fixes[begin].key, fixes[end - 1].key, fixes[begin].stamp_s,
+                     fixes[end - 1].stamp_s, end - begin,
+                     std::sqrt(squared_m2 / static_cast<double>(end - begin)), quantile(claimed_m, 0.5),
+                     refused});
+    begin = end;
+  }
+}
+
+}  // namespace
+
+std::vector<GpsSpan> gpsSpans(const std::vector<Keyframe>& keyframes, const std::vector<Pose>& T_map_body,
+                              const GraphOptions& options) {
+  std::vector<GpsSpan> spans;
+  for (const auto& [receiver, fixes] : judged(keyframes, T_map_body, options)) {
+    const std::size_t first = spans.size();
+    collect(
+        receiver, fixes, options, true, [](const Judged& f) { return f.off; }, spans);
+    collect(
+        receiver, fixes, options, false, [](const Judged& f) { return f.poor && !f.off; }, spans);
+    std::sort(spans.begin() + static_cast<std::ptrdiff_t>(first), spans.end(),
+              [](const GpsSpan& a, const GpsSpan& b) {
+                return std::make_pair(a.first, !a.refused) < std::make_pair(b.first, !b.refused);
+              });
+  }
+  return spans;
+}
+
+void refuse(std::vector<Keyframe>& keyframes, const std::vector<GpsSpan>& spans) {
+  for (auto& k : keyframes)
+    for (auto& gps : k.gps) gps.refused = false;
+  for (const GpsSpan& span : spans)
+    for (std::size_t key = span.first; span.refused && key <= span.last; ++key)
+      for (auto& gps : keyframes[key].gps)
+        if (gps.receiver == span.receiver) gps.refused = true;
+}
+
+std::string text(const GpsSpan& span, double zero_s) {
+  char line[256];
+  std::snprintf(line, sizeof line, "%s, %.1f .. %.1f s: %s %.2f m (%zu fixes), claims %.2f m",
+                span.receiver.c_str(), span.begin_s - zero_s, span.end_s - zero_s,
+                span.refused ? "off by" : "poor, off by", span.off_m, span.fixes, span.claimed_m);
+  return line;
+}
+
+}  // namespace raceloc

@@ -1,0 +1,37 @@
+/** \file
+ * Stretches of a drive on which a receiver is not to be believed. */
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "graph/keyframe.h"
+#include "graph/map_graphs.h"
+
+namespace raceloc {
+
+/** Key poses first .. last, in a row, on which one receiver's fixes are off or said to be poor. */
+struct GpsSpan {
+  std::string receiver;
+  std::size_t first, last;
+  double begin_s, end_s;  ///< their stamps
+  std::size_t fixes;      ///< of the receiver in it
+  double off_m;           ///< rmse against the graph
+  double claimed_m;       ///< median of the claimed sigma, the worst axis
+  bool refused;           ///< false: poor, as it says itself; it counts for what it claims
+};
+/** "gps_left, 12.3 .. 32.1 s: off by 20.0 m (198 fixes), claims 0.02 m": a line for people. */
+[[nodiscard]] std::string text(const GpsSpan& span, double zero_s);
+
+/** Judges each fix by a solution that its lies have not bent: graphs take fixes with a robust loss, and there are
+ * other receivers, wheels, gyro and scans. A fix is off if its distance to the antenna there is beyond
+ * gps_refuse_sigma of its floored covariance (of the worst axis); it is poor if it claims more than
+ * gps_poor_sigma_m. Spans end where a receiver was good for gps_span_gap_s; single bad fixes are spans too.
+ * \param T_map_body  one a key pose \return by receiver, then by time */
+[[nodiscard]] std::vector<GpsSpan> gpsSpans(const std::vector<Keyframe>& keyframes,
+                                            const std::vector<Pose>& T_map_body, const GraphOptions& options);
+
+/** Marks the fixes in the refused spans, and no others, as refused. */
+void refuse(std::vector<Keyframe>& keyframes, const std::vector<GpsSpan>& spans);
+
+}  // namespace raceloc
