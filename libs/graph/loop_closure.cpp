@@ -195,7 +195,6 @@ LoopMatch LoopMatcher::match(const LoopCandidate& candidate) const {
 
   SearchOptions search;
   search.radius_m = candidate.drift_m;
-  search.step_m = x_options.apart_m;
   const Registration best = alignWithSearch(x_context, source, target, candidate.T_i_j, x_gicp, search);
   LoopMatch result{candidate, {}, best.residual_m, best.inlier_share};
 
@@ -206,9 +205,10 @@ LoopMatch LoopMatcher::match(const LoopCandidate& candidate) const {
   if (!best.trusted(x_gicp) || !withinReach(best.T_target_source)) return result;
   std::vector<Settled> settled{{0, best}};
   const Eigen::Vector3d weakest = best.weakest_direction;
-  const int steps = static_cast<int>(std::ceil(2 * reach_m / x_options.apart_m));
+  const double step_m = 0.5 * x_options.apart_m;  // where nothing holds a match, it settles where it began
+  const int steps = static_cast<int>(std::ceil(2 * reach_m / step_m));
   for (int step = -steps; step <= steps; ++step) {
-    const Pose T_start = best.T_target_source * Eigen::Translation3d(step * x_options.apart_m * weakest);
+    const Pose T_start = best.T_target_source * Eigen::Translation3d(step * step_m * weakest);
     if (step == 0 || !withinReach(T_start)) continue;
     const Registration rival = align(x_context, source, target, T_start, x_gicp);
     if (!rival.trusted(x_gicp) || !withinReach(rival.T_target_source) ||
@@ -237,9 +237,8 @@ struct Node {
 
 /** How far two hypotheses are from telling the same. */
 struct Comparison {
-  bool agree;       ///< within the covariances, and nearer than two places
-  bool contradict;  ///< beyond the covariances
-  bool sharp;       ///< certain enough to tell two places apart
+  bool agree;    ///< within their covariances and those of the odometry
+  bool sharply;  ///< they do, they are certain enough to tell two places apart, and nearer than those
   double off_m;
 };
 
@@ -262,8 +261,8 @@ Comparison compare(const LoopHypothesis& a, const LoopHypothesis& b, const Bridg
                                                                 Eigen::EigenvaluesOnly);
   const double off_m = e.tail<3>().norm();
   const bool possible = distance2 <= kChiSquare;
-  return {possible && off_m < apart_m, !possible, std::sqrt(position.eigenvalues()[2]) <= 0.5 * apart_m,
-          off_m};
+  const bool sharp = std::sqrt(position.eigenvalues()[2]) <= 0.25 * apart_m;
+  return {possible, possible && sharp && off_m < apart_m, off_m};
 }
 
 /** Hypotheses and who agrees with whom. */
@@ -317,9 +316,8 @@ class Agreements {
       for (const std::size_t b : x_of_loop[loop_b]) {
         const Comparison c = compare(*nodes[a].place, *nodes[b].place, between, x_options.apart_m);
         for (const auto& [from, to] : {std::pair{a, b}, std::pair{b, a}}) {
-          if (c.agree) nodes[from].agree.push_back(to);
-          if (c.agree && c.sharp) nodes[from].sharply_agree.push_back(to);
-          if (c.contradict) nodes[from].contradict.push_back(to);
+          (c.agree ? nodes[from].agree : nodes[from].contradict).push_back(to);
+          if (c.sharply) nodes[from].sharply_agree.push_back(to);
         }
       }
   }
@@ -362,12 +360,23 @@ struct Fate {
   bool ambiguous = false;
 };
 
-/** Loops of a set that are still open. */
+bool isKept(const Agreements& all, const std::vector<Fate>& fates, std::size_t node) {
+  return fates[all.nodes[node].loop].kept == node;
+}
+
+std::size_t keptAmong(const Agreements& all, const std::vector<Fate>& fates,
+                      const std::vector<std::size_t>& nodes) {
+  return static_cast<std::size_t>(
+      std::count_if(nodes.begin(), nodes.end(), [&](std::size_t node) { return isKept(all, fates, node); }));
+}
+
+/** Loops that a set can still speak for: open ones, of which it does not contradict what is kept. */
 std::set<std::size_t> openLoops(const Agreements& all, std::size_t set, const std::vector<Fate>& fates) {
   std::set<std::size_t> loops;
-  for (const std::size_t node : all.sets[set]) {
-    const std::size_t loop = all.nodes[node].loop;
-    if (!fates[loop].kept && !fates[loop].ambiguous) loops.insert(loop);
+  for (const std::size_t member : all.sets[set]) {
+    const Node& node = all.nodes[member];
+    if (!fates[node.loop].kept && !fates[node.loop].ambiguous && keptAmong(all, fates, node.contradict) == 0)
+      loops.insert(node.loop);
   }
   return loops;
 }
@@ -381,16 +390,6 @@ std::set<std::size_t> rivalsOf(const Agreements& all, std::size_t set) {
   }
   rivals.erase(set);
   return rivals;
-}
-
-bool isKept(const Agreements& all, const std::vector<Fate>& fates, std::size_t node) {
-  return fates[all.nodes[node].loop].kept == node;
-}
-
-std::size_t keptAmong(const Agreements& all, const std::vector<Fate>& fates,
-                      const std::vector<std::size_t>& nodes) {
-  return static_cast<std::size_t>(
-      std::count_if(nodes.begin(), nodes.end(), [&](std::size_t node) { return isKept(all, fates, node); }));
 }
 
 /** Keeps of these nodes what contradicts nothing that is kept, those with most agreement first. */

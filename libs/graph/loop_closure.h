@@ -32,8 +32,8 @@ struct LoopOptions {
   double submap_m = 15;
   int submap_scans = 7;
   double submap_voxel_m = 0.5;
-  double apart_m = 1.5;
-  double rival_share = 0.6;
+  double apart_m = 2;
+  double rival_share = 0.8;
   double neighbour_m = 200;
   int min_agreeing = 2;
   int min_lead = 2;
@@ -103,7 +103,7 @@ struct LoopMatch {
 using KeyScans = std::function<Cloud(std::size_t key)>;
 
 /** Matches candidates by submaps: up to submap_scans key scans within submap_m along the drive, by odometry in the frame
- * of the key pose, one point a voxel. From the guess by alignWithSearch() within drift_m; then, from steps of apart_m
+ * of the key pose, one point a voxel. From the guess by alignWithSearch() within drift_m; then, from steps of apart_m / 2
  * to both sides along the weakest direction of that match, by align(): where those settle elsewhere and fit nearly as
  * well (rival_share), the place repeats itself. Keeps references to the context and the chain. */
 class LoopMatcher {
@@ -130,7 +130,7 @@ struct LoopEdge {
   Pose T_i_j;
   Matrix6d covariance;
   double residual_m, overlap;
-  int agreeing;  ///< kept neighbours that it was held against; it agrees with every one of them
+  int agreeing;  ///< kept neighbours; it agrees with every one of them
   int rivals;    ///< other places where it fits too: the neighbours decided
 };
 
@@ -156,15 +156,21 @@ struct LoopClosures {
   std::vector<RefusedLoop> refused;
 };
 
-/** Which hypotheses to believe. Two loops less than neighbour_m apart along both drives are neighbours; they agree if
- *   e = log(T_b^-1 * T_ib_ia * T_a * T_ja_jb)   (T_ib_ia, T_ja_jb: odometry)
- * passes a chi-square test (6 degrees of freedom, 0.1 %) under the covariances of all four and is shorter than
- * apart_m. Hypotheses that are joined by agreement, over pairs sharp enough to tell one place from the next (sigma at
- * most apart_m / 2), form a set; the largest sets win, and of each the largest part (greedily) is kept of which every pair of neighbours agrees.
- * Posts one off make a set too, but only where posts are all there is: a set is believed only if it has
- * min_lead loops more than any set that contradicts it, and min_agreeing + 1 at least. Loops that are weak in a direction vote for
- * nothing and are kept if all kept neighbours agree, min_agreeing of them at least.
- * Source: pairwise consistency as Mangelson et al., ICRA 2018, on windows of the drive and with rival matches. */
+/** Which hypotheses to believe. Two loops less than neighbour_m apart along both drives are neighbours; with the
+ * odometry T_ib_ia, T_ja_jb between them they agree if
+ *   e = log(T_b^-1 * T_ib_ia * T_a * T_ja_jb)
+ * passes a chi-square test (6 degrees of freedom, 0.1 %) under the covariances of all four; else they contradict each
+ * other. Agreement is sharp if e is shorter than apart_m and its sigma at most apart_m / 4: then it tells one place
+ * from the next. Hypotheses joined by sharp agreement form a set. The sets with the most loops come first, and of each
+ * those are kept, the ones with most agreement first, that contradict nothing kept.
+ *
+ * Posts one off make a set too, but only of places where posts are all there is, while the truth is in every place's
+ * list. So a set is believed only if it has min_agreeing + 1 loops, and min_lead more than any set that contradicts it
+ * or speaks for the same loops; else both are ambiguous. Loops weak in a direction vote for nothing; they are kept if
+ * they agree with min_agreeing kept neighbours and contradict none.
+ *
+ * The covariances of the odometry must be honest: floor them before. Pure: the order of the matches does not matter
+ * but for ties. Source: pairwise consistency, Mangelson et al., ICRA 2018; here on windows of the drive, with rivals. */
 [[nodiscard]] LoopClosures consistentLoops(const std::vector<LoopMatch>& matches, const OdometryChain& chain,
                                            const LoopOptions& options);
 

@@ -139,7 +139,7 @@ std::vector<LoopMatch> matchAll(const TwoDrives& drives, const std::vector<LoopC
 TEST(LoopsProperty, TrueLoopsAreFoundThroughTheDriftAndWithinTheirCovariance) {
   forAll(2, [](Random& rnd) {
     const TwoDrives drives(corridorWithHouses(rnd, 1), {rnd.uniform(-5, 5), rnd.uniform(-2, 2), 0}, rnd);
-    const auto candidates = drives.candidates(15);
+    const auto candidates = drives.candidates(25);
     const LoopClosures loops = consistentLoops(matchAll(drives, candidates), drives.chain, {});
     EXPECT_EQ(loops.edges.size() + loops.refused.size(), candidates.size());
     EXPECT_GE(loops.edges.size(), candidates.size() - 1);
@@ -163,16 +163,22 @@ TEST(LoopsProperty, RepeatedPostsDoNotLockOnePostOff) {
         std::count_if(matches.begin(), matches.end(), [](const auto& m) { return m.hypotheses.size() > 1; }),
         2);
     const LoopClosures loops = consistentLoops(matches, drives.chain, {});
-    for (const auto& edge : loops.edges)
-      EXPECT_LT((drives.truth(edge.i, edge.j).inverse() * edge.T_i_j).translation().norm(), 0.2);
-    EXPECT_GE(loops.edges.size(), candidates.size() / 2);
+    for (const auto& edge : loops.edges) {
+      const double error_m = (drives.truth(edge.i, edge.j).inverse() * edge.T_i_j).translation().norm();
+      EXPECT_LT(error_m, 0.2 + std::sqrt(edge.covariance(3, 3))) << "key pose " << edge.i;
+      EXPECT_LT(sigmas2(edge.T_i_j, edge.covariance, drives.truth(edge.i, edge.j)), kSigma);
+    }
+    // Now and then the posts of a place run together to one weak match; the others know where they are.
+    const auto knows = [](const LoopEdge& edge) { return edge.covariance(3, 3) < 0.2 * 0.2; };
+    EXPECT_GE(std::count_if(loops.edges.begin(), loops.edges.end(), knows) + 2,
+              static_cast<int>(candidates.size()));
   });
 }
 
 TEST(LoopsProperty, WherePostsAreAllThereIsNoLoopIsBelieved) {
   forAll(1, [](Random& rnd) {
     const TwoDrives drives(Corridor{}, {1.5, 0.3, 0}, rnd);
-    const LoopClosures loops = consistentLoops(matchAll(drives, drives.candidates(15)), drives.chain, {});
+    const LoopClosures loops = consistentLoops(matchAll(drives, drives.candidates(25)), drives.chain, {});
     EXPECT_TRUE(loops.edges.empty());
     for (const auto& refused : loops.refused) EXPECT_EQ(refused.reason, LoopRefusal::ambiguous);
   });
@@ -181,7 +187,7 @@ TEST(LoopsProperty, WherePostsAreAllThereIsNoLoopIsBelieved) {
 TEST(LoopsProperty, AFalseCandidateIsRefused) {
   forAll(1, [](Random& rnd) {
     const TwoDrives drives(corridorWithHouses(rnd, 1), {1, 0.3, 0}, rnd);
-    auto candidates = drives.candidates(15);
+    auto candidates = drives.candidates(25);
     const std::size_t half = drives.keys / 2;
     LoopCandidate wrong = drives.between(half, drives.keys + half);
     wrong.i += 20;  // 40 m farther on, believed to be the same place
@@ -240,7 +246,8 @@ TEST(ConsistentLoopsProperty, AnyOrderGivesTheSameAndOutliersAreRefusedByTheirNe
       EXPECT_EQ(std::count(outliers.begin(), outliers.end(), edge.i), 0) << "key pose " << edge.i;
     EXPECT_GE(loops.edges.size() + outliers.size() + 1, matches.size());
     for (const auto& refused : loops.refused)
-      if (refused.reason == LoopRefusal::disagrees) {
+      if (std::count(outliers.begin(), outliers.end(), refused.i) > 0) {
+        EXPECT_EQ(refused.reason, LoopRefusal::disagrees);
         EXPECT_GT(refused.off_m, 2);
       }
 
@@ -317,7 +324,8 @@ TEST(LoopCandidatesProperty, AreOtherPassesOverTheSamePlaceAndBounded) {
     options.neighbour_ids = rnd.integer(0, 2);
     RacetrackDict dict(n);
     std::vector<Pose> poses;
-    std::int64_t station = rnd.integer(0, n - 1), tried = 0;
+    const std::int64_t first = rnd.integer(0, n - 1);
+    std::int64_t station = first, tried = 0;
     int session = 0;
     for (std::uint32_t key = 0; key < 2000; ++key) {
       poses.push_back(rnd.pose(3, 100));
@@ -337,7 +345,7 @@ TEST(LoopCandidatesProperty, AreOtherPassesOverTheSamePlaceAndBounded) {
       station += rnd.integer(0, 1);
       if (key == 1200) ++session;
     }
-    const double tries = static_cast<double>(station - n) / options.every_ids;
+    const double tries = static_cast<double>(station - first - n) / options.every_ids;
     EXPECT_LE(static_cast<double>(tried), 1.2 * tries + 5);
     EXPECT_GE(static_cast<double>(tried), 0.8 * tries - 5);
   });
