@@ -10,6 +10,8 @@
 #include "cli/app.h"
 #include "cli/odometry_text.h"
 #include "core/errors.h"
+#include "map/map_file.h"
+#include "pipeline/map_exports.h"
 
 namespace raceloc {
 
@@ -46,19 +48,36 @@ std::string besides(const std::string& map_path, const std::string& extension) {
   return std::filesystem::path(map_path).replace_extension(extension).string();
 }
 
-void print(const MapReport& r, const MapInfo& info) {
+void print(const SessionReport& r, bool named) {
+  if (named) std::printf("session          %s\n", r.session.c_str());
   std::printf("device           %s\n", r.device_reason.c_str());
   printOdometry(r.odometry, r.recorded_s, r.dropped_late);
   std::printf("scan match       residual %.3f m across the surface, inlier share %.2f (medians)\n",
               r.match_residual_m, r.match_inlier_share);
-  std::printf("pose graph       %zu key poses, %zu with GPS, %zu with INS attitude; cost %.4g -> %.4g%s\n",
-              r.key_poses, r.gps_factors, r.attitude_factors, r.graph_initial_cost, r.graph_final_cost,
-              r.graph_converged ? "" : ", NOT converged");
-  if (info.origin)
+}
+
+void print(const MapReport& r, const MapInfo& info) {
+  for (const SessionReport& session : r.sessions) print(session, r.sessions.size() > 1);
+  std::printf("pose graph       %zu key poses, %zu fixes, %zu INS attitudes; cost %.4g -> %.4g%s\n",
+              r.key_poses, r.gps_fixes, r.attitudes, r.initial_cost, r.final_cost,
+              r.converged ? "" : ", NOT converged");
+  if (info.origin) {
     std::printf("georeference     origin %.7f %.7f deg, %.2f m; GPS against the map %.3f m rmse\n",
                 info.origin->latitude_deg, info.origin->longitude_deg, info.origin->height_m, r.gps_rmse_m);
-  else
+    std::printf(
+        "alignment        LiDAR graph on GPS graph %.3f m rmse (%.0f %% of the key poses); refined %.3f m\n",
+        r.aligned_rmse_m, 100 * r.aligned_share, r.refined_rmse_m);
+  } else {
     std::printf("georeference     NONE: the log has no GPS; raceloc-live will refuse this map\n");
+  }
+  for (const GpsSpan& span : r.gps_spans)
+    std::printf("%-16s %s\n", span.refused ? "GPS REFUSED" : "GPS poor", text(span, r.first_s).c_str());
+  if (r.lap_m > 0)
+    std::printf(
+        "racetrack        %.0f m a lap, %d laps begun; %zu loops closed, %.3f m off (median), %zu refused\n",
+        r.lap_m, r.laps, r.loops.size(), r.loop_residual_m, r.refused_loops.size());
+  else
+    std::printf("racetrack        no full lap: no racetrack IDs, no loops\n");
   std::printf("map              %zu points in %zu tiles\n", r.points, r.tiles);
   if (r.walls.cells > 0)
     std::printf("wall thickness   %.3f m median, %.3f m p90, over %zu pieces of wall\n", r.walls.median_m,
@@ -66,6 +85,23 @@ void print(const MapReport& r, const MapInfo& info) {
   else
     std::printf("wall thickness   not measured: no piece of wall with enough points\n");
 }
+
+/** One line of progress a stage. */
+class Stages {
+ public:
+  void operator()(const std::string& stage, double share) {
+    if (!x_line || stage != x_stage) {
+      x_line.reset();
+      x_line = std::make_unique<Progress>(stage);
+      x_stage = stage;
+    }
+    (*x_line)(share);
+  }
+
+ private:
+  std::string x_stage;
+  std::unique_ptr<Progress> x_line;
+};
 
 }  // namespace
 
@@ -87,18 +123,24 @@ std::optional<MapArgs> parseMapArgs(int argc, char** argv) {
                                           false, "", "FILE.tum", cmd);
   TCLAP::SwitchArg print_ini("", "print-ini", "print every key with its default and end", cmd);
   TCLAP::SwitchArg verbose("v", "verbose", "also print the options in force and the time taken", cmd);
-  TCLAP::UnlabeledValueArg<std::string> log("rawlog", "the survey log", false, "", "SURVEY.rawlog", cmd);
+  TCLAP::ValueArg<std::string> race_line(
+      "", "race-line", "way-points along this line (columns x_m, y_m) instead of the first full lap", false,
+      "", "LINE.csv", cmd);
+  TCLAP::SwitchArg resume("", "resume", "go on with the build of this map that was killed", cmd);
+  TCLAP::UnlabeledMultiArg<std::string> logs("rawlog", "the survey logs", false, "SURVEY.rawlog ...", cmd);
   if (!cmd.parse(argc, argv)) return std::nullopt;
 
-  if (log.getValue().substr(0, 1) == "-")  // TCLAP takes an option that it does not know for the log
-    throw InputError("unknown option " + log.getValue() + " (see --help)");
+  for (const std::string& log : logs.getValue())
+    if (log.substr(0, 1) == "-")  // TCLAP takes an option that it does not know for a log
+      throw InputError("unknown option " + log + " (see --help)");
   if (!print_ini.getValue()) {
-    if (log.getValue().empty()) throw InputError("no survey log given (see --help)");
+    if (logs.getValue().empty()) throw InputError("no survey log given (see --help)");
     if (!ini.isSet()) throw InputError("no options given: -c ini/map.ini (see --help)");
     if (!out.isSet()) throw InputError("no output given: -o MAP.rlmap (see --help)");
   }
-  return BuildArgs{ini.getValue(),        log.getValue(),     out.getValue(),      odometry.getValue(),
-                   trajectory.getValue(), verbose.getValue(), print_ini.getValue()};
+  return BuildArgs{ini.getValue(),       logs.getValue(),     out.getValue(),
+                   race_line.getValue(), odometry.getValue(), trajectory.getValue(),
+                   resume.getValue(),    verbose.getValue(),  print_ini.getValue()};
 }
 
 namespace {
@@ -118,25 +160,32 @@ void build(const BuildArgs& args) {
     if (!path.empty()) probes.push_back(std::make_unique<OutputFile>(path));
 
   const auto start = std::chrono::steady_clock::now();
+  StageStore store(args.map_path + ".build", args.resume ? StageStore::Open::resume : StageStore::Open::anew);
   std::optional<BuiltMap> built;
   {
-    Progress progress("mapping");
-    built.emplace(buildMap(args.rawlog_path, options, toolVersion(), [&](double share) { progress(share); }));
+    Stages stages;
+    built.emplace(buildMap(args.log_paths, args.race_line_path, store, options, toolVersion(),
+                           [&](const std::string& stage, double share) { stages(stage, share); }));
   }
-  saveMap(args.map_path, built->tiles, {built->info, built->key_poses});
-  if (options.map.write_simplemap) writeSimplemap(besides(args.map_path, ".simplemap"), built->scans);
-  if (options.map.write_scene) writeScene(besides(args.map_path, ".3Dscene"), built->tiles, built->key_poses);
-  if (!args.odometry_path.empty()) writeTum(args.odometry_path, built->odometry);
+  const auto& key_poses = built->content.key_poses;
+  saveMap(args.map_path, built->tiles, built->content);
+  store.remove();
+  if (options.map.write_simplemap)
+    writeSimplemap(besides(args.map_path, ".simplemap"), scansOf(built->tiles, key_poses));
+  if (options.map.write_scene) writeScene(besides(args.map_path, ".3Dscene"), built->tiles, key_poses);
+  if (!args.odometry_path.empty()) writeTum(args.odometry_path, built->odometry.front());
   if (!args.trajectory_path.empty()) {
-    Trajectory trajectory{built->info.origin, {}};
-    for (const auto& k : built->key_poses) trajectory.poses.push_back({k.stamp_s, k.T_map_body});
+    Trajectory trajectory{built->content.info.origin, {}};
+    for (const auto& k : key_poses) trajectory.poses.push_back({k.stamp_s, k.T_map_body});
     writeTum(args.trajectory_path, trajectory);
   }
 
-  print(built->report, built->info);
+  print(built->report, built->content.info);
   const double wall_s = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
-  std::printf("run              %.1f s wall for %.1f s recorded, peak memory %.0f MiB\n", wall_s,
-              built->report.recorded_s, peakMemory_MiB());
+  double recorded_s = 0;
+  for (const SessionReport& session : built->report.sessions) recorded_s += session.recorded_s;
+  std::printf("run              %.1f s wall for %.1f s recorded, peak memory %.0f MiB\n", wall_s, recorded_s,
+              peakMemory_MiB());
   std::printf("written          %s\n", args.map_path.c_str());
 }
 

@@ -3,16 +3,19 @@
 #include <optional>
 #include <string>
 #include <variant>
+#include <vector>
 
 #include "cli/map_tools.h"
 #include "pipeline/mapper.h"
 
 namespace raceloc {
 
-/** A survey log to a map. */
+/** Survey logs to a map. */
 struct BuildArgs {
-  std::string ini_path, rawlog_path, map_path, odometry_path, trajectory_path;
-  bool verbose, print_ini;
+  std::string ini_path;
+  std::vector<std::string> log_paths;
+  std::string map_path, race_line_path, odometry_path, trajectory_path;
+  bool resume, verbose, print_ini;
 };
 
 /** Command line of raceloc-map. */

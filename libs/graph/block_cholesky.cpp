@@ -7,6 +7,11 @@
 #include <new>
 #include <stdexcept>
 
+extern "C" {  // of <omp.h>, which only the compiler that CHOLMOD was built with has
+int omp_get_max_active_levels();
+void omp_set_max_active_levels(int levels);
+}
+
 namespace raceloc {
 
 namespace {
@@ -27,6 +32,19 @@ struct Common : cholmod_common {
   ~Common() { cholmod_finish(this); }
   Common(const Common&) = delete;
   Common& operator=(const Common&) = delete;
+};
+
+/** CHOLMOD shares the copying of small blocks among OpenMP's threads, which spin between them: on a busy machine
+ * that takes longer than the copying. While one of these lives, it does it alone. */
+class OneThread {
+ public:
+  OneThread() : x_levels(omp_get_max_active_levels()) { omp_set_max_active_levels(0); }
+  ~OneThread() { omp_set_max_active_levels(x_levels); }
+  OneThread(const OneThread&) = delete;
+  OneThread& operator=(const OneThread&) = delete;
+
+ private:
+  int x_levels;
 };
 
 struct FreeSparse {
@@ -83,9 +101,9 @@ std::vector<int> ordering(Common& common, std::size_t poses, const Links& links,
   }
   for (std::size_t i = 0; i < poses; ++i) column[i + 1] += column[i];
   std::vector<int> order(poses);
-  if (newest_last) {
+  if (newest_last && poses > kNewest) {
     std::vector<int> group(poses, 0);
-    std::fill(group.end() - static_cast<std::ptrdiff_t>(std::min(poses, kNewest)), group.end(), 1);
+    std::fill(group.end() - static_cast<std::ptrdiff_t>(kNewest), group.end(), 1);
     if (!cholmod_camd(pattern.get(), nullptr, 0, group.data(), order.data(), &common)) throw std::bad_alloc();
     return order;
   }
@@ -237,6 +255,7 @@ bool BlockCholesky::factorize(double damping) {
   if (damping > 0)
     for (int at = 0; at < static_cast<int>(x_->poses); ++at) x_->block(at, at).diagonal() *= 1 + damping;
   Common& common = x_->common;
+  const OneThread alone;
   cholmod_factorize(x_->H.get(), x_->L.get(), &common);
   if (common.status == CHOLMOD_OUT_OF_MEMORY) throw std::bad_alloc();
   if (common.status != CHOLMOD_OK || x_->L->minor < x_->L->n) return false;
@@ -249,6 +268,7 @@ bool BlockCholesky::factorize(double damping) {
 
 Eigen::VectorXd BlockCholesky::solve(const Eigen::VectorXd& b) const {
   Common& common = x_->common;
+  const OneThread alone;
   const Dense rhs(allocated(cholmod_zeros(x_->L->n, 1, CHOLMOD_REAL, &common)), {&common});
   for (std::size_t pose = 0; pose < x_->poses; ++pose)
     Eigen::Map<Vector6d>(valuesOf(*rhs) + kBlock * x_->place_of(pose)) =

@@ -3,244 +3,364 @@
 #include <algorithm>
 #include <cmath>
 #include <filesystem>
-#include <map>
+#include <set>
 #include <utility>
 
-#include "cloud/voxel_grid.h"
 #include "core/errors.h"
 #include "core/statistics.h"
-#include "pipeline/device_watch.h"
+#include "graph/graph_alignment.h"
+#include "graph/loop_closure.h"
+#include "map/road_surface.h"
+#include "map/voxel_average.h"
+#include "map/wall_lines.h"
+#include "track/driven_line.h"
+#include "track/racetrack_dict.h"
 
 namespace raceloc {
 
-void MapOptions::describe(OptionList& keys) {
-  keys.add("point_spacing_m", point_spacing_m, above(0), "the map keeps one point a voxel of this edge [m]");
-  keys.add(
-      "covariance_radius_m", covariance_radius_m, above(0),
-      "neighbours of a map point, in place of radius_m of [covariance]: the map is denser than a scan [m]");
-  keys.add("tile_size_m", tile_size_m, above(0), "edge of a square tile [m]");
-  keys.add("keyframe_distance_m", keyframe_distance_m, atLeast(0),
-           "a new key pose after this distance [m] ...");
-  keys.add("keyframe_angle_deg", keyframe_angle_deg, atLeast(0), "... or this turn [deg]");
-  keys.add("gps_max_gap_s", gps_max_gap_s, above(0), "fixes farther apart are not interpolated between [s]");
-  keys.add("write_simplemap", write_simplemap, "also write NAME.simplemap, for robot-map-gui");
-  keys.add("write_scene", write_scene, "also write NAME.3Dscene, for SceneViewer3D");
-}
-
-MapperOptions MapperOptions::fromIni(const std::string& path) {
-  MapperOptions options;
-  IniFile ini(path);
-  options.matching.load(ini);
-  ini.load("graph", options.graph);
-  ini.load("map", options.map);
-  ini.rejectUnknownSections();
-  return options;
-}
-
-std::string MapperOptions::iniText() const {
-  return matching.iniText() + "\n" + raceloc::iniText("graph", graph) + "\n" + raceloc::iniText("map", map);
-}
-
 namespace {
 
-/** Position and attitude of one receiver over the whole drive. */
-struct ReceiverTrack {
-  std::vector<GpsFix> fixes;
-  std::vector<InsPose> poses;
-};
-
-/** The two samples around a stamp, and where it lies between them (0..1); none across a gap. */
-template <class S>
-struct Bracket {
-  const S& before;
-  const S& after;
-  double share;
-};
-template <class S>
-std::optional<Bracket<S>> bracket(const std::vector<S>& samples, double stamp_s, double max_gap_s) {
-  const auto after = std::lower_bound(samples.begin(), samples.end(), stamp_s,
-                                      [](const S& s, double t) { return s.stamp_s < t; });
-  if (after == samples.begin() || after == samples.end()) return std::nullopt;
-  const auto before = std::prev(after);
-  const double gap_s = after->stamp_s - before->stamp_s;
-  if (gap_s > max_gap_s) return std::nullopt;
-  return Bracket<S>{*before, *after, (stamp_s - before->stamp_s) / gap_s};
+/** What identifies a log without reading it whole. */
+std::string identityOf(const std::string& path) {
+  std::error_code unknown;
+  const auto size = std::filesystem::file_size(path, unknown);
+  const auto written = std::filesystem::last_write_time(path, unknown).time_since_epoch().count();
+  return std::filesystem::path(path).filename().string() + " " + std::to_string(size) + " " +
+         std::to_string(written);
 }
 
-/** Linear in between: over 0.1 s at 12 m/s a curve of 40 m radius bulges by 5 mm. */
-std::optional<KeyGps> gpsAt(const ReceiverTrack& track, double stamp_s, double max_gap_s) {
-  const auto b = bracket(track.fixes, stamp_s, max_gap_s);
-  if (!b) return std::nullopt;
-  const Eigen::Vector3d p =
-      b->before.p_map_antenna_m + b->share * (b->after.p_map_antenna_m - b->before.p_map_antenna_m);
-  const bool before_is_worse = b->before.cov_map_m2.trace() > b->after.cov_map_m2.trace();
-  return KeyGps{p, before_is_worse ? b->before.cov_map_m2 : b->after.cov_map_m2, b->before.p_body_antenna_m};
-}
-
-std::optional<KeyAttitude> attitudeAt(const ReceiverTrack& track, double stamp_s, double max_gap_s) {
-  const auto b = bracket(track.poses, stamp_s, max_gap_s);
-  if (!b) return std::nullopt;
-  const Eigen::Quaterniond q_before(b->before.T_map_body.linear()), q_after(b->after.T_map_body.linear());
-  return KeyAttitude{q_before.slerp(b->share, q_after).toRotationMatrix(),
-                     b->before.covariance.topLeftCorner<3, 3>()};
-}
-
-/** One pass over the log: odometry, key poses and their scans, and what the receivers said. */
-class Survey {
+/** The scans of all key poses, on the disk. */
+class ScanStore {
  public:
-  Survey(gpu::Context& context, const MapperOptions& options)
-      : x_context(context), x_options(options), x_stream(odometryStream(context, options.matching)) {}
+  explicit ScanStore(StageStore& store) : x_store(store) {}
 
-  void add(Sample sample) {
-    if (const auto* fix = std::get_if<GpsFix>(&sample)) receivers[fix->label].fixes.push_back(*fix);
-    if (const auto* pose = std::get_if<InsPose>(&sample)) receivers[pose->label].poses.push_back(*pose);
-    for (const OdometryStep& step : x_stream.add(std::move(sample))) take(step);
+  void put(std::size_t survey, const std::string& input, std::size_t key, const Cloud& scan) {
+    x_store.put(name(survey, key), input, toBytes(scan));
   }
-  void finish() {
-    for (const OdometryStep& step : x_stream.finish()) take(step);
+  void addSurvey(std::size_t survey, std::string input, std::size_t keys) {
+    for (std::size_t key = 0; key < keys; ++key) x_places.push_back({survey, input, key});
   }
-  [[nodiscard]] const OdometryTally& tally() const { return x_stream.tally(); }
-
-  std::vector<Keyframe> keyframes;
-  std::vector<Cloud> key_clouds;  ///< body frame, thinned to the map's spacing
-  std::map<std::string, ReceiverTrack> receivers;
-  Trajectory odometry;
-  std::vector<double> residuals_m, inlier_shares;
+  [[nodiscard]] Cloud scan(std::size_t key) const {
+    const Place& at = x_places.at(key);
+    const auto bytes = x_store.get(name(at.survey, at.key), at.input);
+    if (!bytes) throw InputError("the scans kept beside the map are damaged: build it without --resume");
+    return cloudFrom(*bytes);
+  }
 
  private:
-  void take(const OdometryStep& step) {
-    if (step.trusted && !odometry.poses.empty()) {  // the first one has nothing to match
-
-      residuals_m.push_back(step.match.residual_m);
-      inlier_shares.push_back(step.match.inlier_share);
-    }
-    odometry.poses.push_back({step.stamp_s, step.T_odom_body});
-
-    x_since_key = then(x_since_key, step.since_last);
-    const double moved_m = x_since_key.T_start_end.translation().norm();
-    const double turned_deg = Eigen::AngleAxisd(x_since_key.T_start_end.linear()).angle() * 180 / M_PI;
-    const bool is_key = keyframes.empty() || moved_m >= x_options.map.keyframe_distance_m ||
-                        turned_deg >= x_options.map.keyframe_angle_deg;
-    if (!is_key || !step.trusted) return;
-    keyframes.push_back({step.stamp_s, step.T_odom_body, x_since_key, std::nullopt, std::nullopt});
-    key_clouds.push_back(voxelGrid(x_context, step.full_scan, 0.5 * x_options.map.point_spacing_m));
-    x_since_key = {};
+  static std::string name(std::size_t survey, std::size_t key) {
+    return "survey " + std::to_string(survey) + ", scan " + std::to_string(key);
   }
-
-  gpu::Context& x_context;
-  const MapperOptions& x_options;
-  OdometryStream x_stream;
-  BodyMotion x_since_key;
+  struct Place {
+    std::size_t survey;
+    std::string input;
+    std::size_t key;  ///< of the survey
+  };
+  StageStore& x_store;
+  std::vector<Place> x_places;  ///< by key pose of all surveys
 };
 
-/** The receiver with the most fixes: one graph takes one receiver. */
-const ReceiverTrack* mainReceiver(const std::map<std::string, ReceiverTrack>& receivers) {
-  const ReceiverTrack* best = nullptr;
-  for (const auto& entry : receivers)
-    if (!entry.second.fixes.empty() && (!best || entry.second.fixes.size() > best->fixes.size()))
-      best = &entry.second;
-  return best;
-}
+/** All drives as one row of key poses, in the order of the logs. */
+struct Drives {
+  std::vector<Survey> surveys;  ///< without their key poses
+  std::vector<Keyframe> keyframes;
+  std::vector<int> session_of;  ///< by key pose
+  std::optional<GeodeticPoint> origin;
+};
 
-/** All key scans in the map frame, not thinned together. */
-Cloud inMap(const std::vector<Cloud>& clouds, const std::vector<Pose>& poses) {
-  Cloud all;
-  for (std::size_t i = 0; i < clouds.size(); ++i) {
-    const Cloud moved = transformed(clouds[i], poses[i]);
-    all.x.insert(all.x.end(), moved.x.begin(), moved.x.end());
-    all.y.insert(all.y.end(), moved.y.begin(), moved.y.end());
-    all.z.insert(all.z.end(), moved.z.begin(), moved.z.end());
+Drives survey(const std::vector<std::string>& logs, StageStore& store, ScanStore& scans,
+              const MapperOptions& options, const StageProgress& progress) {
+  Drives drives;
+  for (std::size_t n = 0; n < logs.size(); ++n) {
+    const std::string stage = "survey " + std::to_string(n);
+    const std::string origin = drives.origin ? std::to_string(drives.origin->latitude_deg) + " " +
+                                                   std::to_string(drives.origin->longitude_deg) + " " +
+                                                   std::to_string(drives.origin->height_m)
+                                             : "";
+    const std::string input = inputHash({identityOf(logs[n]), options.iniText(), origin});
+    const std::string title = logs.size() == 1
+                                  ? "odometry"
+                                  : "odometry " + std::to_string(n + 1) + "/" + std::to_string(logs.size());
+    Survey found;
+    if (const auto kept = store.get(stage, input)) {
+      found = surveyFrom(*kept);
+    } else {
+      found = surveyOf(
+          logs[n], drives.origin, options,
+          [&](std::size_t key, const Cloud& scan) { scans.put(n, input, key, scan); },
+          [&](double share) { progress(title, share); });
+      store.put(stage, input, toBytes(found));
+    }
+    if (logs.size() > 1 && !found.origin)
+      throw InputError("rawlog " + logs[n] +
+                       ": no GPS, so where it belongs among the other logs is not known; map it alone");
+    if (!drives.origin) drives.origin = found.origin;
+    scans.addSurvey(n, input, found.keyframes.size());
+    drives.session_of.insert(drives.session_of.end(), found.keyframes.size(), static_cast<int>(n));
+    for (auto& k : found.keyframes) {
+      if (!beginsDrive(k)) k.since_last.covariance = flooredOdometry(k.since_last.covariance, options.graph);
+      drives.keyframes.push_back(std::move(k));
+    }
+    found.keyframes.clear();
+    drives.surveys.push_back(std::move(found));
   }
-  return all;
+  return drives;
 }
 
-/** "; LiDAR lidar_top: empty scan (72 times)". */
-std::string listed(const FaultCounts& faults) {
-  std::string text;
-  for (const auto& [fault, times] : faults) text += "; " + fault + " (" + std::to_string(times) + " times)";
-  return text;
+std::vector<Eigen::Vector3d> positionsOf(const std::vector<Pose>& poses) {
+  std::vector<Eigen::Vector3d> positions;
+  positions.reserve(poses.size());
+  for (const Pose& T : poses) positions.push_back(T.translation());
+  return positions;
+}
+
+std::vector<Pose> moved(const Pose& T, std::vector<Pose> poses) {
+  for (Pose& pose : poses) pose = T * pose;
+  return poses;
+}
+
+/** Racetrack IDs of the key poses, where there is a loop. */
+struct Loop {
+  TrackIds ids;
+  RacetrackDict dict;
+  double length_m;
+};
+
+std::optional<Loop> loopOf(const std::vector<Pose>& T_map_body, const Drives& drives,
+                           const std::string& race_line_path, const MapperOptions& options) {
+  std::optional<std::vector<Eigen::Vector3d>> line;
+  if (!race_line_path.empty()) {
+    line = readDrivenLine(race_line_path);
+  } else {
+    for (std::size_t begin = 0; begin < T_map_body.size() && !line;) {
+      std::size_t end = begin + 1;
+      while (end < T_map_body.size() && drives.session_of[end] == drives.session_of[begin]) ++end;
+      const auto at = [&](std::size_t key) { return T_map_body.begin() + static_cast<std::ptrdiff_t>(key); };
+      line = firstFullLap({at(begin), at(end)}, options.first_lap);
+      begin = end;
+    }
+  }
+  if (!line) return std::nullopt;
+  double length_m = 0;
+  for (std::size_t i = 0; i < line->size(); ++i)
+    length_m += ((*line)[(i + 1) % line->size()] - (*line)[i]).norm();
+  TrackIds ids(wayPointsAlong(*line, options.track_id.spacing_m), options.track_id);
+  RacetrackDict dict(ids.count());
+  return Loop{std::move(ids), std::move(dict), length_m};
+}
+
+LoopClosures closeLoops(gpu::Context& context, Loop& loop, const Drives& drives,
+                        const std::vector<Pose>& T_map_body, const ScanStore& scans,
+                        const MapperOptions& options, const StageProgress& progress) {
+  const OdometryChain chain(drives.keyframes);
+  const LoopMatcher matcher(
+      context, chain, [&](std::size_t key) { return scans.scan(key); }, options.loops,
+      options.matching.registration, options.matching.covariance);
+  std::vector<LoopMatch> matches;
+  for (std::size_t key = 0; key < T_map_body.size(); ++key) {
+    const auto id = loop.ids.idAt(T_map_body[key]);
+    if (!id) continue;
+    const auto number = static_cast<std::uint32_t>(key);
+    loop.dict.add({number, number}, *id, drives.session_of[key]);
+    for (const LoopCandidate& candidate : loopCandidates(loop.dict, T_map_body, options.loops))
+      matches.push_back(matcher.match(candidate));
+    progress("loops", static_cast<double>(key) / static_cast<double>(T_map_body.size()));
+  }
+  return consistentLoops(matches, chain, options.loops);
+}
+
+/** Points with their covariances, tile by tile: a tile needs what is within `margin_m` around it. */
+TiledMap tilesOf(gpu::Context& context, const Cloud& points, const CovarianceOptions& covariance,
+                 double tile_size_m) {
+  std::map<std::pair<int, int>, std::vector<std::size_t>> within;  ///< tile or its margin
+  std::map<std::pair<int, int>, std::vector<std::size_t>> own;
+  const auto tileOf = [&](double x_m, double y_m) {
+    return std::make_pair(static_cast<int>(std::floor(x_m / tile_size_m)),
+                          static_cast<int>(std::floor(y_m / tile_size_m)));
+  };
+  for (std::size_t i = 0; i < points.size(); ++i) {
+    const Eigen::Vector3d p = points.point(i).cast<double>();
+    own[tileOf(p.x(), p.y())].push_back(i);
+    std::set<std::pair<int, int>> reached;
+    for (const double dx : {-covariance.radius_m, covariance.radius_m})
+      for (const double dy : {-covariance.radius_m, covariance.radius_m})
+        reached.insert(tileOf(p.x() + dx, p.y() + dy));
+    for (const auto& tile : reached) within[tile].push_back(i);
+  }
+  TiledMap map(tile_size_m);
+  for (const auto& [tile, indices] : own) {
+    // The tile's own points first: those are the ones that go into the map.
+    std::vector<std::size_t> order = indices;
+    std::set_difference(within[tile].begin(), within[tile].end(), indices.begin(), indices.end(),
+                        std::back_inserter(order));
+    Cloud around;
+    around.reserve(order.size());
+    const Eigen::Vector3d corner_m(tile.first * tile_size_m, tile.second * tile_size_m, 0);
+    for (const std::size_t i : order) around.push((points.point(i).cast<double>() - corner_m).cast<float>());
+    CovarianceCloud known = withCovariances(context, std::move(around), covariance);
+    const std::size_t n = indices.size();
+    for (auto* values : {&known.cloud.x, &known.cloud.y, &known.cloud.z}) values->resize(n);
+    gpu::Covariances& c = known.covariances;
+    for (auto* values : {&c.xx, &c.xy, &c.xz, &c.yy, &c.yz, &c.zz}) values->resize(n);
+    c.neighbours.clear();
+    map.insert(Tile{tile.first, tile.second, std::move(known.cloud), std::move(c)});
+  }
+  return map;
+}
+
+double loopResidual(const std::vector<LoopEdge>& loops, const std::vector<Pose>& T_map_body) {
+  std::vector<double> off_m;
+  off_m.reserve(loops.size());
+  for (const LoopEdge& loop : loops)
+    off_m.push_back(
+        (loop.T_i_j.inverse() * T_map_body[loop.i].inverse() * T_map_body[loop.j]).translation().norm());
+  return quantile(off_m, 0.5);
+}
+
+Matrix6d informationOf(const Matrix6d& covariance) {
+  const Matrix6d information = covariance.inverse();
+  return 0.5 * (information + information.transpose());
+}
+
+/** Everything of the graphs that the map keeps. */
+void describeGraphs(MapContent& content, const Drives& drives, const std::vector<LoopEdge>& loops,
+                    const std::vector<Pose>& T_map_body, const GraphOptions& o) {
+  const auto number = [](std::size_t key) { return static_cast<std::int32_t>(key); };
+  for (std::size_t key = 0; key < drives.keyframes.size(); ++key) {
+    const Keyframe& k = drives.keyframes[key];
+    if (!beginsDrive(k))
+      content.edges.push_back({number(key - 1), number(key), k.since_last.T_start_end,
+                               informationOf(k.since_last.covariance), EdgeKind::odometry});
+    for (const KeyGps& gps : k.gps) {
+      const Eigen::Matrix3d covariance =
+          gps.cov_map_m2 + o.gps_min_sigma_m * o.gps_min_sigma_m * Eigen::Matrix3d::Identity();
+      const Eigen::Vector3d off_m = T_map_body[key] * gps.p_body_antenna_m - gps.p_map_antenna_m;
+      const RobustLoss loss{RobustLoss::Kind::cauchy, o.gps_robust_width};
+      content.fixes.push_back({number(key), gps.receiver, gps.p_map_antenna_m, covariance,
+                               gps.p_body_antenna_m,
+                               gps.refused ? 0 : loss.weight(off_m.dot(covariance.ldlt().solve(off_m)))});
+    }
+  }
+  for (const LoopEdge& loop : loops)
+    content.edges.push_back(
+        {number(loop.i), number(loop.j), loop.T_i_j, informationOf(loop.covariance), EdgeKind::loop});
 }
 
 }  // namespace
 
-BuiltMap buildMap(const std::string& log_path, const MapperOptions& options, const std::string& tool_version,
-                  const std::function<void(double)>& progress) {
-  const LogOptions& log = options.matching.log;
-  const LogSummary summary = summarizeRawlog(log_path);
-  requireDevice(summary, "lidar", log.lidar_labels);
-  if (log.gps_labels != "*") requireDevice(summary, "gps", log.gps_labels);
-  if (log.vehicle_labels != "*") requireDevice(summary, "vehicle", log.vehicle_labels);
-  requireOneClock(summary, log);
+BuiltMap buildMap(const std::vector<std::string>& log_paths, const std::string& race_line_path,
+                  StageStore& store, const MapperOptions& options, const std::string& tool_version,
+                  const StageProgress& progress) {
+  ScanStore scans(store);
+  Drives drives = survey(log_paths, store, scans, options, progress);
+  const std::size_t keys = drives.keyframes.size();
+  const bool has_gps = drives.origin.has_value();
+
+  progress("graphs", 0);
+  const GraphSolution gps =
+      solveGraph(GraphKind::gps, drives.keyframes, {}, alignedOdometry(drives.keyframes), options.graph);
+  GraphSolution joint = solveGraph(GraphKind::joint, drives.keyframes, {}, gps.T_map_body, options.graph);
+  progress("graphs", 1);
 
   const DeviceOptions& device = options.matching.device;
   gpu::Context context(device.device, 0, device.threads);
-  DeviceWatch watch(context, device.self_test_every_s);
-  Survey survey(context, options);
-  LogReader reader(log_path, log);
-  while (auto sample = reader.next()) {
-    watch.at(stampOf(*sample));
-    survey.add(std::move(*sample));
-    progress(0.8 * reader.progress());
+  std::optional<Loop> loop = loopOf(joint.T_map_body, drives, race_line_path, options);
+  LoopClosures loops;
+  if (loop) loops = closeLoops(context, *loop, drives, joint.T_map_body, scans, options, progress);
+
+  progress("refinement", 0);
+  const GraphSolution lidar =
+      solveGraph(GraphKind::lidar, drives.keyframes, loops.edges, joint.T_map_body, options.graph);
+  const auto lidar_m = positionsOf(lidar.T_map_body), gps_m = positionsOf(gps.T_map_body);
+  const GraphAlignment aligned =
+      has_gps ? alignGraphs(lidar_m, gps_m) : GraphAlignment{Pose::Identity(), 0, 1};
+  const std::vector<Pose> lidar_aligned = moved(aligned.T_to_from, lidar.T_map_body);
+  // What is refused by one solution has no more say in the next.
+  std::vector<GpsSpan> spans;
+  constexpr int kRounds = 2;
+  for (int round = 0; round < kRounds; ++round) {
+    joint = solveGraph(GraphKind::joint, drives.keyframes, loops.edges, joint.T_map_body, options.graph);
+    spans = gpsSpans(drives.keyframes, joint.T_map_body, options.graph);
+    refuse(drives.keyframes, spans);
   }
-  survey.finish();
-  if (survey.keyframes.size() < 2)
-    throw InputError(
-        "rawlog " + log_path + ": the car passes only " + std::to_string(survey.keyframes.size()) +
-        " key pose(s), with " + std::to_string(survey.tally().trusted) + " of " +
-        std::to_string(survey.tally().scans) + " scans trusted; a map needs two or more " +
-        std::to_string(options.map.keyframe_distance_m) + " m apart" + listed(survey.tally().faults));
+  joint = solveGraph(GraphKind::joint, drives.keyframes, loops.edges, joint.T_map_body, options.graph);
+  const std::vector<Pose>& T_map_body = joint.T_map_body;
 
-  std::size_t attitude_factors = 0;
-  if (const ReceiverTrack* receiver = mainReceiver(survey.receivers))
-    for (auto& k : survey.keyframes) {
-      k.gps = gpsAt(*receiver, k.stamp_s, options.map.gps_max_gap_s);
-      k.attitude = attitudeAt(*receiver, k.stamp_s, options.map.gps_max_gap_s);
-      if (k.attitude) ++attitude_factors;
-    }
-  const GraphSolution graph = solveLidarGraph(survey.keyframes, options.graph);
-  if (graph.gps_factors == 0 && mainReceiver(survey.receivers))
-    throw InputError("rawlog " + log_path + ": GPS fixes of label '" + log.gps_labels +
-                     "' are there, but none can be interpolated at a key pose; raise gps_max_gap_s (" +
-                     std::to_string(options.map.gps_max_gap_s) + ") in section [map]");
-  progress(0.9);
-
-  const Cloud all = inMap(survey.key_clouds, graph.T_map_body);
-  BuiltMap built{TiledMap(options.map.tile_size_m), {}, {}, {}, std::move(survey.odometry), {}};
+  VoxelAverage average(options.map.point_spacing_m);
+  WallSharpness sharpness;
+  for (std::size_t key = 0; key < keys; ++key) {
+    const Cloud scan = transformed(scans.scan(key), T_map_body[key]);
+    average.add(scan);
+    sharpness.add(scan);
+    progress("points", static_cast<double>(key) / static_cast<double>(keys));
+  }
   CovarianceOptions covariance = options.matching.covariance;
   covariance.radius_m = options.map.covariance_radius_m;
-  const CovarianceCloud thinned =
-      withCovariances(context, voxelGrid(context, all, options.map.point_spacing_m), covariance);
-  built.tiles.insert(thinned.cloud, thinned.covariances.view());
-
-  const std::string session = std::filesystem::path(log_path).filename().string();
-  built.info = {graph.gps_factors > 0 ? reader.origin() : std::nullopt,
-                options.map.tile_size_m,
-                options.map.point_spacing_m,
-                tool_version,
-                options.iniText(),
-                {session}};
-  for (std::size_t i = 0; i < survey.keyframes.size(); ++i) {
-    built.key_poses.push_back({survey.keyframes[i].stamp_s, graph.T_map_body[i], session});
-    built.scans.push_back(
-        {survey.keyframes[i].stamp_s, graph.T_map_body[i], std::move(survey.key_clouds[i])});
+  progress("tiles", 0);
+  BuiltMap built{tilesOf(context, average.cloud(), covariance, options.map.tile_size_m), {}, {}, {}};
+  MapContent& content = built.content;
+  content.info = {drives.origin,
+                  options.map.tile_size_m,
+                  options.map.point_spacing_m,
+                  tool_version,
+                  options.iniText(),
+                  {},
+                  loop ? options.track_id.spacing_m : 0};
+  for (Survey& s : drives.surveys) content.info.sessions.push_back(s.session);
+  for (std::size_t key = 0; key < keys; ++key) {
+    KeyPose& k = content.key_poses.emplace_back(
+        KeyPose{drives.keyframes[key].stamp_s, T_map_body[key],
+                content.info.sessions[static_cast<std::size_t>(drives.session_of[key])]});
+    k.T_map_body_gps = has_gps ? std::optional(gps.T_map_body[key]) : std::nullopt;
+    k.T_map_body_lidar = lidar_aligned[key];
+    if (loop)
+      if (const auto id = loop->ids.idAt(T_map_body[key])) k.racetrack_id = *id;
   }
-  built.report = {context.reason(),
-                  survey.tally(),
-                  survey.keyframes.size(),
-                  graph.gps_factors,
-                  attitude_factors,
-                  summary.last_s - summary.first_s,
-                  quantile(survey.residuals_m, 0.5),
-                  quantile(survey.inlier_shares, 0.5),
-                  graph.gps_rmse_m,
-                  graph.initial_cost,
-                  graph.final_cost,
-                  graph.converged,
-                  wallThickness(all),
-                  thinned.cloud.size(),
-                  built.tiles.tiles().size(),
-                  reader.droppedLate()};
-  progress(1.0);
+  describeGraphs(content, drives, loops.edges, T_map_body, options.graph);
+  if (loop) {
+    for (const WayPoint& w : loop->ids.wayPoints()) content.waypoints.push_back({w.p_map_m, w.heading_rad});
+    content.info.waypoint_spacing_m = loop->length_m / loop->ids.count();
+    content.road =
+        roadSurface(built.tiles, content.waypoints, content.info.waypoint_spacing_m, content.key_poses);
+    content.walls = wallLines(built.tiles, content.waypoints, content.info.waypoint_spacing_m);
+  }
+  progress("tiles", 1);
+
+  MapReport& report = built.report;
+  report.key_poses = keys;
+  for (const Keyframe& k : drives.keyframes) {
+    report.gps_fixes += k.gps.size();
+    report.attitudes += k.attitudes.size();
+  }
+  report.gps_spans = std::move(spans);
+  report.first_s = drives.keyframes.front().stamp_s;
+  report.aligned_rmse_m = aligned.rmse_m;
+  report.aligned_share = aligned.inlier_share;
+  report.refined_rmse_m = alignGraphs(positionsOf(T_map_body), gps_m).rmse_m;
+  report.gps_rmse_m = gpsRmse(drives.keyframes, T_map_body);
+  report.initial_cost = joint.initial_cost;
+  report.final_cost = joint.final_cost;
+  report.converged = joint.converged && gps.converged && lidar.converged;
+  if (loop) {
+    report.lap_m = loop->length_m;
+    std::set<std::pair<int, int>> laps;
+    for (const RacetrackEntry& entry : loop->dict.entries()) laps.insert({entry.session, entry.lap});
+    report.laps = static_cast<int>(laps.size());
+  }
+  report.loop_residual_m = loopResidual(loops.edges, T_map_body);
+  report.loops = std::move(loops.edges);
+  report.refused_loops = std::move(loops.refused);
+  report.walls = sharpness.thickness();
+  report.points = built.tiles.pointCount();
+  report.tiles = built.tiles.tiles().size();
+  std::vector<std::size_t> key_poses_of(drives.surveys.size(), 0);
+  for (const int session : drives.session_of) ++key_poses_of[static_cast<std::size_t>(session)];
+  for (std::size_t n = 0; n < drives.surveys.size(); ++n) {
+    Survey& s = drives.surveys[n];
+    built.odometry.push_back(std::move(s.odometry));
+    report.sessions.push_back({s.session, s.device_reason, s.recorded_s, s.tally, s.dropped_late,
+                               key_poses_of[n], s.match_residual_m, s.match_inlier_share});
+  }
   return built;
 }
 

@@ -1,5 +1,5 @@
 /** \file
- * A survey log in, a georeferenced map out. */
+ * Survey logs in, one georeferenced map out. */
 #pragma once
 
 #include <functional>
@@ -8,64 +8,68 @@
 #include <vector>
 
 #include "core/trajectory.h"
-#include "graph/lidar_graph.h"
-#include "map/map_file.h"
-#include "pipeline/map_exports.h"
+#include "graph/gps_spans.h"
+#include "map/map_content.h"
+#include "map/stage_store.h"
+#include "map/tiled_map.h"
 #include "pipeline/map_quality.h"
-#include "pipeline/matching_options.h"
+#include "pipeline/survey.h"
 
 namespace raceloc {
 
-/** Section [map]. */
-struct MapOptions {
-  double point_spacing_m = 0.2;
-  double covariance_radius_m = 0.6;
-  double tile_size_m = 32;
-  double keyframe_distance_m = 1.0;
-  double keyframe_angle_deg = 5.0;
-  double gps_max_gap_s = 0.5;
-  bool write_simplemap = true;
-  bool write_scene = true;
-  void describe(OptionList& keys);
-};
-
-struct MapperOptions {
-  MatchingOptions matching;
-  GraphOptions graph;
-  MapOptions map;
-  /** \throws InputError as IniFile does. */
-  static MapperOptions fromIni(const std::string& path);
-  [[nodiscard]] std::string iniText() const;  ///< every section with its values: what the map file keeps
+/** One log of the survey, in words and figures. */
+struct SessionReport {
+  std::string session, device_reason;
+  double recorded_s;
+  OdometryTally odometry;
+  std::size_t dropped_late, key_poses;
+  double match_residual_m;    ///< median over the trusted scans, distance of pairs across their surface
+  double match_inlier_share;  ///< median
 };
 
 /** What went in and how well it fits. */
 struct MapReport {
-  std::string device_reason;
-  OdometryTally odometry;
-  std::size_t key_poses, gps_factors, attitude_factors;
-  double recorded_s;
-  double match_residual_m;    ///< median over the trusted scans, distance of pairs across their surface
-  double match_inlier_share;  ///< median
-  double gps_rmse_m, graph_initial_cost, graph_final_cost;
-  bool graph_converged;
+  std::vector<SessionReport> sessions;
+  std::size_t key_poses, gps_fixes, attitudes;
+  std::vector<GpsSpan> gps_spans;
+  double first_s;         ///< stamp of the first key pose: spans are told from there
+  double aligned_rmse_m;  ///< of L's key poses against G's after the rigid alignment alone; 0 without GPS
+  double aligned_share;   ///< of the key poses that it is of
+  double refined_rmse_m;  ///< the same pairs after the joint refinement
+  double gps_rmse_m;      ///< of the fixes that were not refused, against the map
+  double initial_cost, final_cost;
+  bool converged;
+  double lap_m;  ///< length of the racing line; 0: none
+  int laps;      ///< that have been begun, of all sessions
+  std::vector<LoopEdge> loops;
+  std::vector<RefusedLoop> refused_loops;
+  double loop_residual_m;  ///< median distance of a kept loop from where the map has it
   WallThickness walls;
-  std::size_t points, tiles, dropped_late;
+  std::size_t points, tiles;
 };
 
 struct BuiltMap {
   TiledMap tiles;
-  MapInfo info;
-  std::vector<KeyPose> key_poses;
-  std::vector<ExportScan> scans;
-  Trajectory odometry;  ///< LiDAR odometry before the graph, first pose at the origin of its own frame
+  MapContent content;
+  std::vector<Trajectory>
+      odometry;  ///< a session each: before the graphs, first pose at the origin of its own frame
   MapReport report;
 };
 
-/** Runs the whole chain on one log: read, de-skew, odometry, pose graph with GPS, tiles. Key scans are kept
- * in memory, thinned to the map's spacing. A log without GPS gives a map without georeference, in the frame
- * of its first pose. \param progress  called with 0..1 \throws InputError for a log that cannot be read, has
- * no LiDAR of the configured labels, fewer than two scans, or a pattern that matches no device. */
-[[nodiscard]] BuiltMap buildMap(const std::string& log_path, const MapperOptions& options,
-                                const std::string& tool_version, const std::function<void(double)>& progress);
+/** A stage of the work, and how far it is (0..1). */
+using StageProgress = std::function<void(const std::string& stage, double share)>;
+
+/** The whole chain: odometry of each log, GPS/INS graph and LiDAR graph, their alignment, racetrack IDs, loops, joint
+ * refinement, refused GPS spans, tiles, road and walls. Logs without any GPS give a map without georeference, in the
+ * frame of the first pose; that works for one log only. Memory grows with the map and the key poses, not with the scans:
+ * those are kept in the store, as are the finished stages, so that a build with the same inputs goes on where
+ * it was killed. The same input gives the same map.
+ * \param race_line_path  CSV, see readDrivenLine(); empty: the first full lap, if there is one
+ * \param store           of this build
+ * \throws InputError as surveyOf() and readDrivenLine() do, for a log without GPS among several, or one whose scans can
+ *         be tied to nothing. Source: reading.md section 3. */
+[[nodiscard]] BuiltMap buildMap(const std::vector<std::string>& log_paths, const std::string& race_line_path,
+                                StageStore& store, const MapperOptions& options,
+                                const std::string& tool_version, const StageProgress& progress);
 
 }  // namespace raceloc

@@ -225,10 +225,10 @@ namespace {
 
 using U64 = std::uint64_t;
 
-void append(Bytes& bytes, const BodyMotion& motion) {
-  raceloc::append(bytes, motion.duration_s);
-  raceloc::append(bytes, motion.T_start_end.matrix());
-  raceloc::append(bytes, motion.covariance);
+void appendMotion(Bytes& bytes, const BodyMotion& motion) {
+  append(bytes, motion.duration_s);
+  append(bytes, motion.T_start_end.matrix());
+  append(bytes, motion.covariance);
 }
 BodyMotion motionIn(ByteReader& in) {
   BodyMotion motion;
@@ -255,9 +255,9 @@ Bytes toBytes(const Survey& survey) {
   for (const Keyframe& k : survey.keyframes) {
     append(bytes, k.stamp_s);
     append(bytes, k.T_odom_body.matrix());
-    append(bytes, k.since_last);
+    appendMotion(bytes, k.since_last);
     appendFlag(bytes, k.reckoned.has_value());
-    if (k.reckoned) append(bytes, *k.reckoned);
+    if (k.reckoned) appendMotion(bytes, *k.reckoned);
     append(bytes, U64{k.gps.size()});
     for (const KeyGps& gps : k.gps) {
       append(bytes, gps.receiver);

@@ -11,6 +11,8 @@
 #include "graph/map_graphs.h"
 #include "map/bytes.h"
 #include "pipeline/matching_options.h"
+#include "track/driven_line.h"
+#include "track/track_id.h"
 
 namespace raceloc {
 

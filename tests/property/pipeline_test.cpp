@@ -192,6 +192,12 @@ TEST_F(LocalizerTest, TheSameDriveGivesTheSameBits) {
     EXPECT_EQ(once[i].T_map_body.matrix(), again[i].T_map_body.matrix());
 }
 
+WallThickness thicknessOf(const Cloud& cloud) {
+  WallSharpness sharpness;
+  sharpness.add(cloud);
+  return sharpness.thickness();
+}
+
 TEST(WallThicknessProperty, IsTheSpreadAcrossTheWall) {
   Random rnd(9);
   Cloud wall;
@@ -201,7 +207,7 @@ TEST(WallThicknessProperty, IsTheSpreadAcrossTheWall) {
     wall.push(Eigen::Vector3d(0.8 * along_m, 0.6 * along_m, rnd.uniform(0, 3)).cast<float>() +
               (Eigen::Vector3d(-0.6, 0.8, 0) * rnd.normal(kSigma_m)).cast<float>());
   }
-  const WallThickness measured = wallThickness(wall);
+  const WallThickness measured = thicknessOf(wall);
   EXPECT_GT(measured.cells, 50U);
   EXPECT_NEAR(measured.median_m, kSigma_m,
               0.2 * kSigma_m);  // cells cut a slanted wall: some take part of its depth
@@ -212,8 +218,8 @@ TEST(WallThickness, GroundIsNoWall) {
   Cloud ground;
   for (int i = 0; i < 20000; ++i)
     ground.push(Eigen::Vector3d(rnd.uniform(-5, 5), rnd.uniform(-5, 5), rnd.normal(0.01)).cast<float>());
-  EXPECT_EQ(wallThickness(ground).cells, 0U);
-  EXPECT_EQ(wallThickness({}).cells, 0U);
+  EXPECT_EQ(thicknessOf(ground).cells, 0U);
+  EXPECT_EQ(thicknessOf({}).cells, 0U);
 }
 
 }  // namespace

@@ -1,0 +1,239 @@
+#include "graph/smoother.h"
+
+#include <Eigen/Cholesky>
+#include <algorithm>
+#include <cmath>
+#include <iterator>
+#include <stdexcept>
+#include <utility>
+
+namespace raceloc {
+
+namespace {
+
+/** L gets room for this many poses, or for half as many as it has. */
+constexpr std::size_t kLeastRoom = 256;
+/** What a renewal costs in flops of updates, which run at about a fourth of the speed of a factorization's;
+ * measured. Ordering, linearising and assembling take as long as kRenewalPerPose flops a pose. */
+constexpr double kRenewalPerFlop = 0.25, kRenewalPerPose = 3e4;
+
+}  // namespace
+
+Smoother::Smoother(const SmootherOptions& options, std::optional<std::size_t> held) : x_options(options) {
+  x_graph.held = held;
+}
+
+LinearFactor Smoother::lineariseNow(std::size_t factor) const {
+  return linearise(x_graph.factors[factor], x_graph.T_map_body, x_graph.held);
+}
+
+void Smoother::update(const std::vector<Pose>& new_T_map_body, const std::vector<Factor>& new_factors) {
+  const std::size_t old_poses = x_graph.T_map_body.size(), old_factors = x_graph.factors.size();
+  const std::size_t poses = old_poses + new_T_map_body.size();
+  for (const Factor& factor : new_factors)
+    if (firstKey(factor) >= poses || (secondKey(factor) >= poses && secondKey(factor) != kNoPose))
+      throw std::out_of_range("Smoother: a factor of a pose that is not there");
+
+  x_graph.T_map_body.insert(x_graph.T_map_body.end(), new_T_map_body.begin(), new_T_map_body.end());
+  x_graph.factors.insert(x_graph.factors.end(), new_factors.begin(), new_factors.end());
+  x_factors_of.resize(poses);
+  x_information.resize(poses, Matrix6d::Zero());
+  x_marked.resize(poses, 0);
+  for (std::size_t f = old_factors; f < x_graph.factors.size(); ++f) {
+    const LinearFactor term = lineariseNow(f);
+    x_in_L.push_back(term);
+    x_factors_of[term.i].push_back(f);
+    x_restless.insert(term.i);
+    x_information[term.i] += term.J_i.transpose() * term.J_i;
+    if (term.j == kNoPose) continue;
+    x_factors_of[term.j].push_back(f);
+    x_restless.insert(term.j);
+    x_information[term.j] += term.J_j.transpose() * term.J_j;
+  }
+  if (x_graph.held && *x_graph.held >= old_poses && *x_graph.held < poses)
+    x_information[*x_graph.held] += Matrix6d::Identity();
+  if (!x_L || x_L->room() < new_T_map_body.size() || !extend(old_poses, old_factors)) renew();
+  relax();
+  for (int round = 1; round < x_options.rounds && !x_stale.empty(); ++round) {
+    if (!relineariseSome()) renew();
+    relax();
+  }
+  if (worthRenewing()) {
+    renew();
+    relax();
+  }
+}
+
+/** Rows of the new poses, from `old_poses` on, and the new factors, from `old_factors` on, into L. */
+bool Smoother::extend(std::size_t old_poses, std::size_t old_factors) {
+  // A new factor's part on poses that L has is an update; the rest of it comes with the rows of its new poses.
+  std::vector<LinearFactor> on_old;
+  for (std::size_t f = old_factors; f < x_in_L.size(); ++f) {
+    LinearFactor term = x_in_L[f];
+    if (term.i >= old_poses) {
+      if (term.j >= old_poses) continue;
+      std::swap(term.i, term.j);
+      std::swap(term.J_i, term.J_j);
+    }
+    if (term.j != kNoPose && term.j >= old_poses) term.j = kNoPose;
+    on_old.push_back(term);
+  }
+  if (!x_L->update(on_old)) return false;
+  for (std::size_t pose = old_poses; pose < x_graph.T_map_body.size(); ++pose) {
+    std::vector<std::pair<std::size_t, Matrix6d>> columns;
+    for (const std::size_t f : x_factors_of[pose]) {
+      const LinearFactor& term = x_in_L[f];
+      const bool first = term.i == pose;
+      const std::size_t other = first ? term.j : term.i;
+      if (other >= pose) continue;  // kNoPose too
+      const Matrix6d block =
+          first ? Matrix6d(term.J_j.transpose() * term.J_i) : Matrix6d(term.J_i.transpose() * term.J_j);
+      const auto there = std::find_if(columns.begin(), columns.end(),
+                                      [&](const auto& column) { return column.first == other; });
+      if (there == columns.end())
+        columns.emplace_back(other, block);
+      else
+        there->second += block;
+    }
+    if (!x_L->append(x_information[pose], columns)) return false;
+  }
+  return true;
+}
+
+/** Orders, linearises and factorizes the whole graph at the estimate. */
+void Smoother::renew() {
+  const std::size_t poses = x_graph.T_map_body.size();
+  std::vector<std::pair<std::size_t, std::size_t>> links;
+  for (const LinearFactor& term : x_in_L)
+    if (term.j != kNoPose) links.emplace_back(term.i, term.j);
+  x_L.emplace(poses, links, std::max(kLeastRoom, poses / 2));
+  x_L->clear();
+  if (x_graph.held) x_L->hold(*x_graph.held);
+  x_information.assign(poses, Matrix6d::Zero());
+  if (x_graph.held) x_information[*x_graph.held].setIdentity();
+  for (std::size_t f = 0; f < x_in_L.size(); ++f) {
+    const LinearFactor term = x_in_L[f] = lineariseNow(f);
+    x_L->add(term);
+    x_information[term.i] += term.J_i.transpose() * term.J_i;
+    if (term.j == kNoPose) continue;
+    x_information[term.j] += term.J_j.transpose() * term.J_j;
+  }
+  if (!x_L->factorize()) throw std::invalid_argument("Smoother: the factors leave a pose undetermined");
+  x_stale.clear();
+  x_restless.clear();
+  for (std::size_t pose = 0; pose < poses; ++pose) x_restless.insert(x_restless.end(), pose);
+  ++x_renewals;
+}
+
+/** Solves the linear model where poses are not at rest, and moves what moves. */
+void Smoother::relax() {
+  Steps pushes;
+  bool all_at_rest = true;
+  for (const std::size_t pose : std::exchange(x_restless, {})) {
+    const Vector6d g = modelGradient(pose);
+    all_at_rest &= g.dot(x_information[pose].llt().solve(g)) < x_options.rest_sigma * x_options.rest_sigma;
+    pushes.emplace_back(pose, -g);
+  }
+  if (all_at_rest) return;
+  std::set<std::size_t> moved;
+  for (const auto& [pose, step] : response(std::move(pushes)))
+    if (move(pose, step)) moved.insert(x_factors_of[pose].begin(), x_factors_of[pose].end());
+  for (const std::size_t f : moved)
+    if ((lineariseNow(f).r - x_in_L[f].r).norm() > x_options.model_sigma) x_stale.insert(f);
+}
+
+/** Solves for the poses that move. A path to the root leaves out what hangs from it: where the last ones on it
+ * move, their neighbours are asked for too, twice as far each time. */
+Smoother::Steps Smoother::response(Steps pushes) {
+  const std::size_t poses = x_graph.T_map_body.size();
+  for (int distance = 1;; distance *= 2) {
+    Steps steps = x_L->solveNear(pushes);
+    if (steps.size() > poses / 4) break;
+    ++x_mark;
+    for (const auto& [pose, step] : steps) x_marked[pose] = x_mark;
+    std::vector<std::size_t> rim;
+    for (const auto& [pose, step] : steps)
+      if (inSigmas(pose, step) > x_options.rest_sigma) rim.push_back(pose);
+    bool complete = true;
+    for (int k = 0; k < distance; ++k) {
+      std::vector<std::size_t> next;
+      for (const std::size_t pose : rim)
+        for (const std::size_t f : x_factors_of[pose])
+          for (const std::size_t other : {x_in_L[f].i, x_in_L[f].j})
+            if (other != kNoPose && x_marked[other] != x_mark) {
+              x_marked[other] = x_mark;
+              next.push_back(other);
+              pushes.emplace_back(other, Vector6d::Zero());
+              complete = false;
+            }
+      rim = std::move(next);
+    }
+    if (complete) return steps;
+  }
+  Eigen::VectorXd b = Eigen::VectorXd::Zero(6 * static_cast<Eigen::Index>(poses));
+  for (const auto& [pose, push] : pushes) b.segment<6>(static_cast<Eigen::Index>(6 * pose)) = push;
+  const Eigen::VectorXd x = x_L->solve(b);
+  Steps steps;
+  for (std::size_t i = 0; i < poses; ++i)
+    steps.emplace_back(i, x.segment<6>(static_cast<Eigen::Index>(6 * i)));
+  return steps;
+}
+
+double Smoother::inSigmas(std::size_t pose, const Vector6d& step) const {
+  return std::sqrt(step.dot(x_information[pose] * step));
+}
+
+Vector6d Smoother::modelGradient(std::size_t pose) const {
+  Vector6d g = Vector6d::Zero();
+  for (const std::size_t f : x_factors_of[pose])
+    g += (x_in_L[f].i == pose ? x_in_L[f].J_i : x_in_L[f].J_j).transpose() * x_in_L[f].r;
+  return g;
+}
+
+/** Moves a pose, and the residuals of its factors as the linear model has them. \return false if the step is
+ * too small to be taken; what pushed the pose is then still there */
+bool Smoother::move(std::size_t pose, const Vector6d& step) {
+  if (inSigmas(pose, step) < x_options.rest_sigma) return false;
+  x_graph.T_map_body[pose] = x_graph.T_map_body[pose] * se3Exp(step);
+  for (const std::size_t f : x_factors_of[pose])
+    x_in_L[f].r += (x_in_L[f].i == pose ? x_in_L[f].J_i : x_in_L[f].J_j) * step;
+  return true;
+}
+
+/** False: there is too much to do, or L did not survive. */
+bool Smoother::relineariseSome() {
+  if (x_stale.size() > x_options.relinearised_per_update) return false;
+  std::vector<LinearFactor> before, after;
+  for (const std::size_t f : std::exchange(x_stale, {})) {
+    LinearFactor& term = x_in_L[f];
+    before.push_back(term);
+    x_information[term.i] -= term.J_i.transpose() * term.J_i;
+    if (term.j != kNoPose) x_information[term.j] -= term.J_j.transpose() * term.J_j;
+    term = lineariseNow(f);
+    after.push_back(term);
+    x_information[term.i] += term.J_i.transpose() * term.J_i;
+    x_restless.insert(term.i);
+    if (term.j == kNoPose) continue;
+    x_information[term.j] += term.J_j.transpose() * term.J_j;
+    x_restless.insert(term.j);
+  }
+  return x_L->update(after) && x_L->downdate(before);  // in this order it is never indefinite on the way
+}
+
+bool Smoother::worthRenewing() const {
+  return x_L->flopsChanged() > kRenewalPerFlop * x_L->flopsWhole() +
+                                   kRenewalPerPose * static_cast<double>(x_graph.T_map_body.size());
+}
+
+OptimiseResult Smoother::finish(const OptimiseOptions& options) {
+  const OptimiseResult result = optimise(x_graph, options);
+  renew();
+  return result;
+}
+
+Matrix6d Smoother::marginalCovariance(std::size_t key) const {
+  if (key >= x_graph.T_map_body.size()) throw std::out_of_range("Smoother: no such pose");
+  return x_L->inverseBlock(key);
+}
+
+}  // namespace raceloc
