@@ -33,7 +33,7 @@ struct LoopOptions {
   int submap_scans = 7;
   double submap_voxel_m = 0.5;
   double apart_m = 2;
-  double rival_share = 0.8;
+  double rival_share = 0.88;
   double neighbour_m = 200;
   int min_agreeing = 2;
   int min_lead = 2;
