@@ -25,7 +25,7 @@ namespace raceloc {
 
 /** Section [loops]. */
 struct LoopOptions {
-  int every_ids = 5;
+  int every_ids = 10;
   int neighbour_ids = 1;
   int max_per_key = 2;
   double search_m = 8;
@@ -34,7 +34,8 @@ struct LoopOptions {
   double submap_voxel_m = 0.5;
   double apart_m = 2;
   double rival_share = 0.88;
-  double neighbour_m = 200;
+  double weakest_scale = 2;
+  double neighbour_m = 250;
   int min_agreeing = 2;
   int min_lead = 2;
   void describe(OptionList& keys);
@@ -85,8 +86,8 @@ struct LoopCandidate {
 /** One place where the submap of j fits into that of i. */
 struct LoopHypothesis {
   Pose T_i_j;
-  /** Right increment (rad, m): the match's, and along its weakest direction the spread of where matches settle that
-   * start beside it. So a direction that nothing in the scene holds is as weak as it is. */
+  /** Right increment (rad, m): the match's, but along its weakest direction with weakest_scale times its sigma and the
+   * spread of where matches settle that start beside it. So a direction that nothing in the scene holds is weak. */
   Matrix6d covariance;
   double residual_m;  ///< of the match, see Registration
   double overlap;     ///< its inlier share, 0..1
