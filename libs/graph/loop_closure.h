@@ -148,7 +148,7 @@ struct RefusedLoop {
   double residual_m, overlap;  ///< of the best fit
   double off_m;                ///< `disagrees`: the least by which it misses a kept neighbour's word; else 0
 };
-/** "key poses 12 and 3400: disagrees with its neighbours by 4.02 m (...)": a line of the QA report. */
+/** "key poses 12 and 3400: too few neighbours confirm it (residual 0.150 m, ...)": a line of the QA report. */
 [[nodiscard]] std::string text(const RefusedLoop& refused);
 
 /** In the order of the matches. */
