@@ -9,6 +9,7 @@
 #include <cstdlib>
 #include <limits>
 #include <numeric>
+#include <optional>
 #include <set>
 #include <utility>
 
@@ -31,6 +32,8 @@ void LoopOptions::describe(OptionList& keys) {
            "matches farther apart are two places; below the spacing of posts [m]");
   keys.add("rival_share", rival_share, between(0, 1),
            "a second place counts from this share of the best one's inliers per residual");
+  keys.add("weakest_scale", weakest_scale, atLeast(1),
+           "sigma along the weakest direction of a match, in units of what the match believes");
   keys.add("neighbour_m", neighbour_m, above(0),
            "loops less far apart along the drive are held against each other [m]");
   keys.add("min_agreeing", min_agreeing, between(1, 100), "neighbours that must confirm a loop");
@@ -158,23 +161,26 @@ struct Settled {
   Registration match;
 };
 
-/** Those settled closer than `apart_m` to one another are one place: the best of them, as uncertain along
- * `weakest` (source's frame) as they are spread. In order of fit. */
+/** Those settled closer than apart_m to one another are one place: the best of them, as uncertain along
+ * `weakest` (source's frame) as they are spread, and more. In order of fit. */
 std::vector<LoopHypothesis> placesOf(std::vector<Settled> settled, const Eigen::Vector3d& weakest,
-                                     double apart_m) {
+                                     const LoopOptions& options) {
   std::sort(settled.begin(), settled.end(),
             [](const Settled& a, const Settled& b) { return a.along_m < b.along_m; });
   std::vector<std::pair<double, LoopHypothesis>> places;
   for (auto first = settled.begin(); first != settled.end();) {
     auto last = std::next(first);
-    while (last != settled.end() && last->along_m - std::prev(last)->along_m < apart_m) ++last;
+    while (last != settled.end() && last->along_m - std::prev(last)->along_m < options.apart_m) ++last;
     const auto best = std::max_element(
         first, last, [](const Settled& a, const Settled& b) { return fitOf(a.match) < fitOf(b.match); });
     const double spread_m =
         std::max(best->along_m - first->along_m, std::prev(last)->along_m - best->along_m);
     LoopHypothesis place{best->match.T_target_source, best->match.covariance, best->match.residual_m,
                          best->match.inlier_share};
-    place.covariance.bottomRightCorner<3, 3>() += spread_m * spread_m * weakest * weakest.transpose();
+    const double believed_m2 = weakest.dot(place.covariance.bottomRightCorner<3, 3>() * weakest);
+    const double more_m2 =
+        (options.weakest_scale * options.weakest_scale - 1) * believed_m2 + spread_m * spread_m;
+    place.covariance.bottomRightCorner<3, 3>() += more_m2 * weakest * weakest.transpose();
     places.emplace_back(fitOf(best->match), place);
     first = last;
   }
@@ -217,7 +223,7 @@ LoopMatch LoopMatcher::match(const LoopCandidate& candidate) const {
     const Pose T_best_rival = best.T_target_source.inverse() * rival.T_target_source;
     settled.push_back({weakest.dot(T_best_rival.translation()), rival});
   }
-  result.hypotheses = placesOf(std::move(settled), weakest, x_options.apart_m);
+  result.hypotheses = placesOf(std::move(settled), weakest, x_options);
   return result;
 }
 

@@ -25,7 +25,7 @@ namespace raceloc {
 
 /** Section [loops]. */
 struct LoopOptions {
-  int every_ids = 5;
+  int every_ids = 10;
   int neighbour_ids = 1;
   int max_per_key = 2;
   double search_m = 8;
@@ -33,8 +33,9 @@ struct LoopOptions {
   int submap_scans = 7;
   double submap_voxel_m = 0.5;
   double apart_m = 2;
-  double rival_share = 0.8;
-  double neighbour_m = 200;
+  double rival_share = 0.88;
+  double weakest_scale = 2;
+  double neighbour_m = 250;
   int min_agreeing = 2;
   int min_lead = 2;
   void describe(OptionList& keys);
@@ -85,8 +86,8 @@ struct LoopCandidate {
 /** One place where the submap of j fits into that of i. */
 struct LoopHypothesis {
   Pose T_i_j;
-  /** Right increment (rad, m): the match's, and along its weakest direction the spread of where matches settle that
-   * start beside it. So a direction that nothing in the scene holds is as weak as it is. */
+  /** Right increment (rad, m): the match's, but along its weakest direction with weakest_scale times its sigma and the
+   * spread of where matches settle that start beside it. So a direction that nothing in the scene holds is weak. */
   Matrix6d covariance;
   double residual_m;  ///< of the match, see Registration
   double overlap;     ///< its inlier share, 0..1
@@ -147,7 +148,7 @@ struct RefusedLoop {
   double residual_m, overlap;  ///< of the best fit
   double off_m;                ///< `disagrees`: the least by which it misses a kept neighbour's word; else 0
 };
-/** "key poses 12 and 3400: disagrees with its neighbours by 4.02 m (...)": a line of the QA report. */
+/** "key poses 12 and 3400: too few neighbours confirm it (residual 0.150 m, ...)": a line of the QA report. */
 [[nodiscard]] std::string text(const RefusedLoop& refused);
 
 /** In the order of the matches. */

@@ -169,7 +169,7 @@ TEST(LoopsProperty, RepeatedPostsDoNotLockOnePostOff) {
       EXPECT_LT(sigmas2(edge.T_i_j, edge.covariance, drives.truth(edge.i, edge.j)), kSigma);
     }
     // Now and then the posts of a place run together to one weak match; the others know where they are.
-    const auto knows = [](const LoopEdge& edge) { return edge.covariance(3, 3) < 0.2 * 0.2; };
+    const auto knows = [](const LoopEdge& edge) { return edge.covariance(3, 3) < 0.4 * 0.4; };
     EXPECT_GE(std::count_if(loops.edges.begin(), loops.edges.end(), knows) + 2,
               static_cast<int>(candidates.size()));
   });
