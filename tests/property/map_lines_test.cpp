@@ -62,6 +62,12 @@ Oval randomOval(Random& rnd) {
   return oval;
 }
 
+std::vector<double> steps(double from, double to, double step) {
+  std::vector<double> values;
+  for (int i = 0; from + i * step <= to; ++i) values.push_back(from + i * step);
+  return values;
+}
+
 void insert(TiledMap& map, const Cloud& cloud) {
   const std::vector<float> zeros(cloud.size());
   const float* zero = zeros.data();
@@ -76,10 +82,9 @@ TiledMap surveyed(const Oval& oval, Random& rnd, const std::function<bool(double
     const Eigen::Vector3d noise(rnd.normal(kNoise_m), rnd.normal(kNoise_m), rnd.normal(kNoise_m));
     cloud.push((oval.beside(s_m, left_m, up_m) + noise).cast<float>());
   };
-  for (double s_m = 0; s_m < oval.length(); s_m += kStep_m) {
-    for (double left_m = -oval.right_wall_m; left_m <= oval.left_wall_m; left_m += kStep_m)
-      see(s_m, left_m, 0);
-    for (double up_m = 0; up_m <= oval.wall_height_m; up_m += kStep_m / 2) {
+  for (const double s_m : steps(0, oval.length(), kStep_m)) {
+    for (const double left_m : steps(-oval.right_wall_m, oval.left_wall_m, kStep_m)) see(s_m, left_m, 0);
+    for (const double up_m : steps(0, oval.wall_height_m, kStep_m / 2)) {
       if (has_wall(s_m, WallSide::left)) see(s_m, oval.left_wall_m, up_m);
       if (has_wall(s_m, WallSide::right)) see(s_m, -oval.right_wall_m, up_m);
     }
@@ -101,7 +106,7 @@ std::vector<MapWaypoint> waypointsOf(const Oval& oval) {
 std::vector<KeyPose> drivenLap(const Oval& oval, Random& rnd) {
   std::vector<KeyPose> lap;
   const double beside_m = rnd.uniform(-3, 3);
-  for (double s_m = 0; s_m < oval.length(); s_m += 3) {
+  for (const double s_m : steps(0, oval.length(), 3)) {
     const Pose T =
         poseFromRpy(oval.beside(s_m, beside_m, 0.3), -oval.bank(s_m) + rnd.uniform(-2, 2) * kDegree,
                     -oval.grade(s_m), oval.line(s_m).heading_rad);
