@@ -162,7 +162,7 @@ void printLines(const MapContent& content) {
         100 * std::tan(grade_rad.second), bank_rad.first / kDegree, bank_rad.second / kDegree);
   }
   const auto left = std::count_if(content.walls.begin(), content.walls.end(),
-                                  [](const WallPoint& w) { return w.side == Side::left; });
+                                  [](const WallPoint& w) { return w.side == WallSide::left; });
   std::printf("walls            %td stations on the left, %td on the right\n", left,
               static_cast<std::ptrdiff_t>(content.walls.size()) - left);
 }

@@ -69,12 +69,12 @@ struct RoadStation {
   double bank_rad;   ///< positive: the right edge is the higher one, as in a left turn of an oval
 };
 
-enum class Side { left, right };
+enum class WallSide { left, right };
 
 /** The wall beside the racing line. */
 struct WallPoint {
   double station_m;
-  Side side;
+  WallSide side;
   Eigen::Vector3d p_map_foot_m;  ///< where the wall's face stands on the ground
   double height_m;               ///< of the wall above its foot
 };

@@ -151,14 +151,14 @@ void saveMap(const std::string& path, const TiledMap& tiles, const MapContent& c
              std::to_string(kApplicationId) + "; PRAGMA user_version=" + std::to_string(kFormatVersion) +
              "; BEGIN");
     file.run(kFixedTables);
-    Statement meta(file, "INSERT INTO meta VALUES(?, ?)", "meta");
+    SqlStatement meta(file, "INSERT INTO meta VALUES(?, ?)", "meta");
     std::string checksums;
     const auto keep = [&](const std::string& table, const std::string& checksum) {
       meta.write("checksum " + table, checksum);
       checksums += checksum;
     };
     const auto write = [&](const auto& rows) {
-      keep(Table<typename std::decay_t<decltype(rows)>::value_type>::kName, writeTable(file, rows));
+      keep(SqlTable<typename std::decay_t<decltype(rows)>::value_type>::kName, writeTable(file, rows));
     };
     write(std::vector{rowOf(content.info)});
     write(content.info.sessions);
@@ -170,11 +170,11 @@ void saveMap(const std::string& path, const TiledMap& tiles, const MapContent& c
     write(content.walls);
     file.run(kDictionary);
 
-    Statement insert(file, "INSERT INTO tiles VALUES(?, ?, ?, ?, ?, ?)", "tiles");
+    SqlStatement insert(file, "INSERT INTO tiles VALUES(?, ?, ?, ?, ?, ?)", "tiles");
     RowChecksum index;
     for (const auto& [place, tile] : tiles.tiles()) {
       TileRow row = rowOf(tile);
-      const std::vector<Cell> head{toCell(row.ix), toCell(row.iy), row.checksum()};
+      const std::vector<SqlValue> head{toSql(row.ix), toSql(row.iy), row.checksum()};
       index.add(head);
       insert.write(head[0], head[1], row.points, row.fields, head[2], std::move(row.data));
     }
@@ -215,7 +215,7 @@ void MapFile::readContent() {
   x_content.road = readTable<RoadStation>(file, checksums);
   x_content.walls = readTable<WallPoint>(file, checksums);
 
-  Statement tiles(file, "SELECT ix, iy, checksum, points FROM tiles ORDER BY ix, iy", "list of tiles");
+  SqlStatement tiles(file, "SELECT ix, iy, checksum, points FROM tiles ORDER BY ix, iy", "list of tiles");
   RowChecksum index;
   while (tiles.step()) {
     index.add({tiles.cell(0), tiles.cell(1), tiles.cell(2)});
@@ -233,9 +233,9 @@ std::optional<Tile> MapFile::tile(int ix, int iy) const {
   if (!std::binary_search(x_tile_indices.begin(), x_tile_indices.end(), std::pair{ix, iy}))
     return std::nullopt;
   const std::string name = nameOf(ix, iy);
-  Statement statement(*x_database, "SELECT points, fields, checksum, data FROM tiles WHERE ix = ? AND iy = ?",
-                      name);
-  const std::vector<Cell> wanted{toCell(ix), toCell(iy)};
+  SqlStatement statement(*x_database,
+                         "SELECT points, fields, checksum, data FROM tiles WHERE ix = ? AND iy = ?", name);
+  const std::vector<SqlValue> wanted{toSql(ix), toSql(iy)};
   statement.bind(wanted);
   if (!statement.step()) throw x_database->damaged(name + " is gone");
   const TileRow row{ix, iy, statement.get<std::int64_t>(0), statement.get<std::string>(1),

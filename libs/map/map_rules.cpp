@@ -27,7 +27,7 @@ bool isRigid(const Pose& T) {
 /** Whether all numbers in a row are finite: in its cells, where every one of them is. */
 template <class Row>
 bool isFinite(const Row& row) {
-  for (const Cell& cell : cellsOf(row)) {
+  for (const SqlValue& cell : cellsOf(row)) {
     if (const auto* number = std::get_if<double>(&cell); number != nullptr && !std::isfinite(*number))
       return false;
     if (const auto* bytes = std::get_if<Bytes>(&cell); bytes != nullptr)
@@ -40,7 +40,7 @@ template <class Row>
 std::string notFinite(const std::vector<Row>& rows) {
   for (std::size_t i = 0; i < rows.size(); ++i)
     if (!isFinite(rows[i]))
-      return std::string(Table<Row>::kName) + " row " + std::to_string(i) +
+      return std::string(SqlTable<Row>::kName) + " row " + std::to_string(i) +
              " has a number that is not finite";
   return "";
 }
@@ -98,7 +98,7 @@ std::string faultOf(const MapContent& content) {
   std::pair last(-1, -1.0);
   for (const WallPoint& w : content.walls) {
     const std::pair now(static_cast<int>(w.side), w.station_m);
-    if (!(now > last && (w.side == Side::left || w.side == Side::right) && w.station_m >= 0 &&
+    if (!(now > last && (w.side == WallSide::left || w.side == WallSide::right) && w.station_m >= 0 &&
           w.station_m < length_m))
       return "stations of the walls are out of order";
     last = now;

@@ -22,9 +22,9 @@ struct InfoRow {
   std::string config;
 };
 template <class Row>
-struct Table;
+struct SqlTable;
 template <>
-struct Table<InfoRow> {
+struct SqlTable<InfoRow> {
   static constexpr char kName[] = "info";
   template <class Row, class Visit>
   static void columns(Row& row, const Visit& visit) {
@@ -38,7 +38,7 @@ struct Table<InfoRow> {
   }
 };
 template <>
-struct Table<std::string> {
+struct SqlTable<std::string> {
   static constexpr char kName[] = "sessions";
   template <class Row, class Visit>
   static void columns(Row& row, const Visit& visit) {
@@ -46,7 +46,7 @@ struct Table<std::string> {
   }
 };
 template <>
-struct Table<KeyPose> {
+struct SqlTable<KeyPose> {
   static constexpr char kName[] = "key_poses";
   template <class Row, class Visit>
   static void columns(Row& row, const Visit& visit) {
@@ -59,7 +59,7 @@ struct Table<KeyPose> {
   }
 };
 template <>
-struct Table<MapWaypoint> {
+struct SqlTable<MapWaypoint> {
   static constexpr char kName[] = "waypoints";
   template <class Row, class Visit>
   static void columns(Row& row, const Visit& visit) {
@@ -68,7 +68,7 @@ struct Table<MapWaypoint> {
   }
 };
 template <>
-struct Table<MapEdge> {
+struct SqlTable<MapEdge> {
   static constexpr char kName[] = "edges";
   template <class Row, class Visit>
   static void columns(Row& row, const Visit& visit) {
@@ -80,7 +80,7 @@ struct Table<MapEdge> {
   }
 };
 template <>
-struct Table<MapFix> {
+struct SqlTable<MapFix> {
   static constexpr char kName[] = "fixes";
   template <class Row, class Visit>
   static void columns(Row& row, const Visit& visit) {
@@ -93,7 +93,7 @@ struct Table<MapFix> {
   }
 };
 template <>
-struct Table<RoadStation> {
+struct SqlTable<RoadStation> {
   static constexpr char kName[] = "road";
   template <class Row, class Visit>
   static void columns(Row& row, const Visit& visit) {
@@ -104,7 +104,7 @@ struct Table<RoadStation> {
   }
 };
 template <>
-struct Table<WallPoint> {
+struct SqlTable<WallPoint> {
   static constexpr char kName[] = "walls";
   template <class Row, class Visit>
   static void columns(Row& row, const Visit& visit) {
@@ -116,9 +116,9 @@ struct Table<WallPoint> {
 };
 /** @} */
 
-/** \name A member as a cell, and back. fromCell() returns false for a cell that cannot be one. @{ */
+/** \name A member as a cell, and back. fromSql() returns false for a cell that cannot be one. @{ */
 template <class T>
-Cell toCell(const T& value) {
+SqlValue toSql(const T& value) {
   if constexpr (std::is_floating_point_v<T>)
     return double{value};
   else if constexpr (std::is_same_v<T, std::string>)
@@ -127,23 +127,23 @@ Cell toCell(const T& value) {
     return static_cast<std::int64_t>(value);  // numbers and enumerations
 }
 template <int Rows, int Columns>
-Cell toCell(const Eigen::Matrix<double, Rows, Columns>& matrix) {
+SqlValue toSql(const Eigen::Matrix<double, Rows, Columns>& matrix) {
   Bytes bytes;
   append(bytes, matrix);
   return bytes;
 }
-inline Cell toCell(const Pose& T) {
+inline SqlValue toSql(const Pose& T) {
   Bytes bytes;
   append(bytes, T.matrix().topRows<3>());
   return bytes;
 }
 template <class T>
-Cell toCell(const std::optional<T>& value) {
-  return value ? toCell(*value) : Cell();
+SqlValue toSql(const std::optional<T>& value) {
+  return value ? toSql(*value) : SqlValue();
 }
 
 template <class T>
-bool fromCell(const Cell& cell, T& value) {
+bool fromSql(const SqlValue& cell, T& value) {
   if constexpr (std::is_floating_point_v<T> || std::is_same_v<T, std::string>) {
     const auto* found = std::get_if<T>(&cell);
     if (found != nullptr) value = *found;
@@ -155,31 +155,31 @@ bool fromCell(const Cell& cell, T& value) {
   }
 }
 template <int Rows, int Columns>
-bool fromCell(const Cell& cell, Eigen::Matrix<double, Rows, Columns>& matrix) {
+bool fromSql(const SqlValue& cell, Eigen::Matrix<double, Rows, Columns>& matrix) {
   const auto* bytes = std::get_if<Bytes>(&cell);
   if (bytes == nullptr || bytes->size() != sizeof(double) * Rows * Columns) return false;
   matrix = ByteReader(*bytes).matrix<Eigen::Matrix<double, Rows, Columns>>();
   return true;
 }
-inline bool fromCell(const Cell& cell, Pose& T) {
+inline bool fromSql(const SqlValue& cell, Pose& T) {
   Eigen::Matrix<double, 3, 4> rows;
-  if (!fromCell(cell, rows)) return false;
+  if (!fromSql(cell, rows)) return false;
   T.setIdentity();
   T.matrix().topRows<3>() = rows;
   return true;
 }
 template <class T>
-bool fromCell(const Cell& cell, std::optional<T>& value) {
+bool fromSql(const SqlValue& cell, std::optional<T>& value) {
   if (std::holds_alternative<std::monostate>(cell)) return true;
-  return fromCell(cell, value.emplace());
+  return fromSql(cell, value.emplace());
 }
 /** @} */
 
 /** One table's rows as what its checksum is over: of every cell what it is and what is in it. */
 class RowChecksum {
  public:
-  void add(const std::vector<Cell>& row) {
-    for (const Cell& cell : row) {
+  void add(const std::vector<SqlValue>& row) {
+    for (const SqlValue& cell : row) {
       append(x_bytes, static_cast<std::uint32_t>(cell.index()));
       std::visit([this](const auto& value) { addValue(value); }, cell);
     }
@@ -197,38 +197,39 @@ class RowChecksum {
 };
 
 template <class Row>
-std::vector<Cell> cellsOf(const Row& row) {
-  std::vector<Cell> cells;
-  Table<Row>::columns(row, [&](const char* /*name*/, const auto& value) { cells.push_back(toCell(value)); });
+std::vector<SqlValue> cellsOf(const Row& row) {
+  std::vector<SqlValue> cells;
+  SqlTable<Row>::columns(row,
+                         [&](const char* /*name*/, const auto& value) { cells.push_back(toSql(value)); });
   return cells;
 }
 
 /** Makes the table and fills it. \return its checksum */
 template <class Row>
 std::string writeTable(SqliteFile& file, const std::vector<Row>& rows) {
-  const std::string name = Table<Row>::kName;
+  const std::string name = SqlTable<Row>::kName;
   std::string columns = "number INTEGER PRIMARY KEY", places = "?";
   const Row any{};
-  Table<Row>::columns(any, [&](const char* column, const auto& /*value*/) {
+  SqlTable<Row>::columns(any, [&](const char* column, const auto& /*value*/) {
     columns += std::string(", ") + column;
     places += ", ?";
   });
   file.run("CREATE TABLE " + name + "(" + columns + ")");
-  Statement insert(file, "INSERT INTO " + name + " VALUES(" + places + ")", name);
+  SqlStatement insert(file, "INSERT INTO " + name + " VALUES(" + places + ")", name);
   RowChecksum checksum;
   std::int64_t number = 0;
   for (const Row& row : rows) {
-    std::vector<Cell> cells = cellsOf(row);
+    std::vector<SqlValue> cells = cellsOf(row);
     checksum.add(cells);
-    cells.insert(cells.begin(), Cell(number++));
+    cells.insert(cells.begin(), SqlValue(number++));
     insert.writeCells(cells);
   }
   return checksum.md5();
 }
 
 inline std::string metaText(SqliteFile& file, const std::string& key) {
-  Statement statement(file, "SELECT value FROM meta WHERE key = ?", "meta");
-  const std::vector<Cell> wanted{key};
+  SqlStatement statement(file, "SELECT value FROM meta WHERE key = ?", "meta");
+  const std::vector<SqlValue> wanted{key};
   statement.bind(wanted);
   if (!statement.step()) throw file.damaged("meta has no " + key);
   return statement.get<std::string>(0);
@@ -241,23 +242,23 @@ inline void requireChecksum(SqliteFile& file, const std::string& table, const st
 /** Reads a table whole. \param checksums  gets its checksum \throws InputError naming it if it is damaged */
 template <class Row>
 std::vector<Row> readTable(SqliteFile& file, std::string& checksums) {
-  const std::string name = Table<Row>::kName;
+  const std::string name = SqlTable<Row>::kName;
   std::string columns;
   const Row any{};
-  Table<Row>::columns(any, [&](const char* column, const auto& /*value*/) {
+  SqlTable<Row>::columns(any, [&](const char* column, const auto& /*value*/) {
     columns += (columns.empty() ? "" : ", ") + std::string(column);
   });
-  Statement select(file, "SELECT " + columns + " FROM " + name + " ORDER BY number", name);
+  SqlStatement select(file, "SELECT " + columns + " FROM " + name + " ORDER BY number", name);
   RowChecksum checksum;
   std::vector<Row> rows;
   while (select.step()) {
     Row row{};
     int column = 0;
     bool fits = true;
-    std::vector<Cell> cells;
-    Table<Row>::columns(row, [&](const char* /*name*/, auto& value) {
+    std::vector<SqlValue> cells;
+    SqlTable<Row>::columns(row, [&](const char* /*name*/, auto& value) {
       cells.push_back(select.cell(column++));
-      fits = fromCell(cells.back(), value) && fits;
+      fits = fromSql(cells.back(), value) && fits;
     });
     if (!fits)
       throw file.damaged(name + " row " + std::to_string(rows.size()) + " has a column of the wrong type");

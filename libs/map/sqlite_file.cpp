@@ -36,24 +36,24 @@ InputError SqliteFile::damaged(const std::string& what) const {
   return InputError(x_name + ": damaged: " + what + "; copy it again or build it again");
 }
 
-Statement::Statement(SqliteFile& file, const std::string& sql, std::string part)
+SqlStatement::SqlStatement(SqliteFile& file, const std::string& sql, std::string part)
     : x_file(file), x_part(std::move(part)) {
   check(sqlite3_prepare_v2(file.handle(), sql.c_str(), -1, &x_handle, nullptr));
 }
 
-Statement::~Statement() { sqlite3_finalize(x_handle); }
+SqlStatement::~SqlStatement() { sqlite3_finalize(x_handle); }
 
-void Statement::check(int result) const {
+void SqlStatement::check(int result) const {
   if (result != SQLITE_OK) throw x_file.error(x_part);
 }
 
-void Statement::writeCells(const std::vector<Cell>& cells) {
+void SqlStatement::writeCells(const std::vector<SqlValue>& cells) {
   bind(cells);
   step();
   check(sqlite3_reset(x_handle));
 }
 
-void Statement::bind(const std::vector<Cell>& cells) {
+void SqlStatement::bind(const std::vector<SqlValue>& cells) {
   struct Bind {
     sqlite3_stmt* statement;
     int index;
@@ -72,13 +72,13 @@ void Statement::bind(const std::vector<Cell>& cells) {
     check(std::visit(Bind{x_handle, static_cast<int>(i) + 1}, cells[i]));
 }
 
-bool Statement::step() {
+bool SqlStatement::step() {
   const int result = sqlite3_step(x_handle);
   if (result != SQLITE_ROW && result != SQLITE_DONE) throw x_file.error(x_part);
   return result == SQLITE_ROW;
 }
 
-Cell Statement::cell(int column) const {
+SqlValue SqlStatement::cell(int column) const {
   const auto bytes = [&] {
     const auto* data =
         static_cast<const char*>(sqlite3_column_blob(x_handle, column));  // null if it is empty

@@ -43,33 +43,33 @@ class SqliteFile {
 };
 
 /** What one column of one row holds. */
-using Cell = std::variant<std::monostate, std::int64_t, double, std::string, Bytes>;
+using SqlValue = std::variant<std::monostate, std::int64_t, double, std::string, Bytes>;
 
 /** A prepared statement; `part` is what its failures are about. */
-class Statement {
+class SqlStatement {
  public:
-  Statement(SqliteFile& file, const std::string& sql, std::string part);
-  ~Statement();
-  Statement(const Statement&) = delete;
-  Statement& operator=(const Statement&) = delete;
+  SqlStatement(SqliteFile& file, const std::string& sql, std::string part);
+  ~SqlStatement();
+  SqlStatement(const SqlStatement&) = delete;
+  SqlStatement& operator=(const SqlStatement&) = delete;
 
   /** Binds all parameters in order and runs a statement that returns no row. */
   template <class... Values>
   void write(Values&&... values) {
-    std::vector<Cell> cells;
+    std::vector<SqlValue> cells;
     cells.reserve(sizeof...(values));
     (cells.emplace_back(std::forward<Values>(values)), ...);
     writeCells(cells);
   }
-  void writeCells(const std::vector<Cell>& cells);
+  void writeCells(const std::vector<SqlValue>& cells);
   /** The cells must outlive the steps. */
-  void bind(const std::vector<Cell>& cells);
+  void bind(const std::vector<SqlValue>& cells);
   bool step();  ///< whether there is a row
-  [[nodiscard]] Cell cell(int column) const;
+  [[nodiscard]] SqlValue cell(int column) const;
   /** \throws InputError if the column holds something else. */
   template <class T>
   [[nodiscard]] T get(int column) const {
-    Cell found = cell(column);
+    SqlValue found = cell(column);
     if (auto* value = std::get_if<T>(&found)) return std::move(*value);
     throw x_file.damaged(x_part + " has a column of the wrong type");
   }

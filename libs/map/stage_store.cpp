@@ -16,7 +16,7 @@ constexpr std::int64_t kFormatVersion = 1;
 constexpr std::size_t kLargest = std::size_t{1} << 29U;  // SQLite takes a little less than twice that
 
 std::int64_t numberOf(SqliteFile& file, const std::string& sql) {
-  Statement statement(file, sql, "header");
+  SqlStatement statement(file, sql, "header");
   return statement.step() ? statement.get<std::int64_t>(0) : 0;
 }
 
@@ -52,9 +52,9 @@ StageStore::StageStore(StageStore&&) noexcept = default;
 StageStore& StageStore::operator=(StageStore&&) noexcept = default;
 
 std::optional<Bytes> StageStore::get(const std::string& stage, const std::string& input_hash) const {
-  Statement select(*x_database, "SELECT checksum, result FROM stages WHERE stage = ? AND input_hash = ?",
-                   "stage " + stage);
-  const std::vector<Cell> wanted{stage, input_hash};
+  SqlStatement select(*x_database, "SELECT checksum, result FROM stages WHERE stage = ? AND input_hash = ?",
+                      "stage " + stage);
+  const std::vector<SqlValue> wanted{stage, input_hash};
   select.bind(wanted);
   if (!select.step()) return std::nullopt;
   Bytes result = select.get<Bytes>(1);
@@ -65,7 +65,7 @@ std::optional<Bytes> StageStore::get(const std::string& stage, const std::string
 void StageStore::put(const std::string& stage, const std::string& input_hash, Bytes result) {
   if (result.size() > kLargest) throw std::invalid_argument("StageStore: put stage " + stage + " in pieces");
   std::string checksum = checksumOf(stage, input_hash, result);
-  Statement(*x_database, "INSERT OR REPLACE INTO stages VALUES(?, ?, ?, ?)", "stage " + stage)
+  SqlStatement(*x_database, "INSERT OR REPLACE INTO stages VALUES(?, ?, ?, ?)", "stage " + stage)
       .write(stage, input_hash, std::move(checksum), std::move(result));
 }
 

@@ -48,7 +48,7 @@ void TiledMap::insert(const Cloud& cloud_map, const gpu::CovariancesView& covari
   x_points += n;
 }
 
-void TiledMap::insert(Tile tile) {
+void TiledMap::insert(Tile&& tile) {
   const std::pair place{tile.ix, tile.iy};
   const std::size_t points = tile.cloud.size();
   if (!x_tiles.try_emplace(place, std::move(tile)).second)

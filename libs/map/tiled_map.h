@@ -34,7 +34,7 @@ class TiledMap {
   void insert(const Cloud& cloud_map, const gpu::CovariancesView& covariances);
 
   /** Adds a tile where the map has none, as it is. \throws std::invalid_argument if there is one already. */
-  void insert(Tile tile);
+  void insert(Tile&& tile);
 
   [[nodiscard]] const std::map<std::pair<int, int>, Tile>& tiles() const { return x_tiles; }  ///< by (ix, iy)
   [[nodiscard]] double tileSize() const { return x_tile_size_m; }                             ///< [m]

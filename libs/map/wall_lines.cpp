@@ -77,8 +77,8 @@ std::vector<WallPoint> wallLines(const TiledMap& map, const std::vector<MapWaypo
     const MapWaypoint& at = waypoints[i];
     const Points section = crossSection(map, at, kHalfLength_m, kReach_m);
     const Eigen::Vector2d left(-std::sin(at.heading_rad), std::cos(at.heading_rad));
-    for (const Side side : {Side::left, Side::right}) {
-      const double sign = side == Side::left ? 1 : -1;
+    for (const WallSide side : {WallSide::left, WallSide::right}) {
+      const double sign = side == WallSide::left ? 1 : -1;
       Points outward;
       for (SectionPoint p : section) {
         p.left_m *= sign;
@@ -89,7 +89,7 @@ std::vector<WallPoint> wallLines(const TiledMap& map, const std::vector<MapWaypo
       const auto wall = nearestWall(outward);
       if (!wall) continue;
       const Eigen::Vector2d p_m = at.p_map_m.head<2>() + sign * wall->out_m * left;
-      (side == Side::left ? left_walls : right_walls)
+      (side == WallSide::left ? left_walls : right_walls)
           .push_back(
               {static_cast<double>(i) * spacing_m, side, {p_m.x(), p_m.y(), wall->foot_z_m}, wall->height_m});
     }

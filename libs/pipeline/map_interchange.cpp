@@ -62,9 +62,10 @@ MapLine racingLine(const std::vector<MapWaypoint>& waypoints) {
 }
 
 /** Cut where a station has no wall; joined where it goes on over the start line. */
-MapLine wallLine(const MapContent& content, Side side) {
-  MapLine line{
-      side == Side::left ? "left wall" : "right wall", side == Side::left ? "wall_left" : "wall_right", {}};
+MapLine wallLine(const MapContent& content, WallSide side) {
+  MapLine line{side == WallSide::left ? "left wall" : "right wall",
+               side == WallSide::left ? "wall_left" : "wall_right",
+               {}};
   const double spacing_m = content.info.waypoint_spacing_m;
   const double length_m = spacing_m * static_cast<double>(content.waypoints.size());
   const WallPoint *first = nullptr, *last = nullptr;
@@ -93,8 +94,8 @@ std::vector<MapLine> linesOf(const MapContent& content) {
   std::vector<MapLine> lines;
   for (const std::string& session : content.info.sessions) lines.push_back(drivenLine(content, session));
   lines.push_back(racingLine(content.waypoints));
-  lines.push_back(wallLine(content, Side::left));
-  lines.push_back(wallLine(content, Side::right));
+  lines.push_back(wallLine(content, WallSide::left));
+  lines.push_back(wallLine(content, WallSide::right));
   for (MapLine& line : lines) {
     auto& pieces = line.pieces_map_m;
     pieces.erase(

@@ -35,7 +35,7 @@ TEST_F(MapTools, InfoTellsWhatIsInTheMap) {
   for (const std::string line :
        {"origin 48.982000000 8.390400000 deg, 116.400 m", "noon: 8 key poses", "19 odometry edges, 1 loops",
         "gps_left: 10, of which", "40 way-points every 6.28 m, 251 m in all; 19 key poses have an ID",
-        "40 stations: height", "37 stations on the left, 37 on the right", "4096 points in 16 tiles of 32 m"})
+        "40 stations: height", "37 stations on the left, 37 on the right", "4096 in 16 tiles of 32 m"})
     EXPECT_THAT(result.out, HasSubstr(line));
 }
 

@@ -62,6 +62,12 @@ Oval randomOval(Random& rnd) {
   return oval;
 }
 
+std::vector<double> steps(double from, double to, double step) {
+  std::vector<double> values;
+  for (int i = 0; from + i * step <= to; ++i) values.push_back(from + i * step);
+  return values;
+}
+
 void insert(TiledMap& map, const Cloud& cloud) {
   const std::vector<float> zeros(cloud.size());
   const float* zero = zeros.data();
@@ -69,19 +75,18 @@ void insert(TiledMap& map, const Cloud& cloud) {
 }
 
 /** What a survey would have left of it: a point every 0.25 m with 2 cm of noise, some of it where nothing is. */
-TiledMap surveyed(const Oval& oval, Random& rnd, const std::function<bool(double, Side)>& has_wall) {
+TiledMap surveyed(const Oval& oval, Random& rnd, const std::function<bool(double, WallSide)>& has_wall) {
   constexpr double kStep_m = 0.25, kNoise_m = 0.02;
   Cloud cloud;
   const auto see = [&](double s_m, double left_m, double up_m) {
     const Eigen::Vector3d noise(rnd.normal(kNoise_m), rnd.normal(kNoise_m), rnd.normal(kNoise_m));
     cloud.push((oval.beside(s_m, left_m, up_m) + noise).cast<float>());
   };
-  for (double s_m = 0; s_m < oval.length(); s_m += kStep_m) {
-    for (double left_m = -oval.right_wall_m; left_m <= oval.left_wall_m; left_m += kStep_m)
-      see(s_m, left_m, 0);
-    for (double up_m = 0; up_m <= oval.wall_height_m; up_m += kStep_m / 2) {
-      if (has_wall(s_m, Side::left)) see(s_m, oval.left_wall_m, up_m);
-      if (has_wall(s_m, Side::right)) see(s_m, -oval.right_wall_m, up_m);
+  for (const double s_m : steps(0, oval.length(), kStep_m)) {
+    for (const double left_m : steps(-oval.right_wall_m, oval.left_wall_m, kStep_m)) see(s_m, left_m, 0);
+    for (const double up_m : steps(0, oval.wall_height_m, kStep_m / 2)) {
+      if (has_wall(s_m, WallSide::left)) see(s_m, oval.left_wall_m, up_m);
+      if (has_wall(s_m, WallSide::right)) see(s_m, -oval.right_wall_m, up_m);
     }
     if (rnd.uniform(0, 1) < 0.1) see(s_m, rnd.uniform(-5, 5), rnd.uniform(0.2, 3));  // dust, birds
     see(s_m, rnd.uniform(-9, 6), 6);                                                 // a roof
@@ -101,7 +106,7 @@ std::vector<MapWaypoint> waypointsOf(const Oval& oval) {
 std::vector<KeyPose> drivenLap(const Oval& oval, Random& rnd) {
   std::vector<KeyPose> lap;
   const double beside_m = rnd.uniform(-3, 3);
-  for (double s_m = 0; s_m < oval.length(); s_m += 3) {
+  for (const double s_m : steps(0, oval.length(), 3)) {
     const Pose T =
         poseFromRpy(oval.beside(s_m, beside_m, 0.3), -oval.bank(s_m) + rnd.uniform(-2, 2) * kDegree,
                     -oval.grade(s_m), oval.line(s_m).heading_rad);
@@ -121,7 +126,7 @@ TEST(RoadSurfaceProperty, MeasuresABankedOval) {
   forAll(4, [](Random& rnd) {
     Oval oval = randomOval(rnd);
     if (rnd.oneOf({true, false})) oval.left_wall_m = 3;  // inside of the strip that is fitted
-    const TiledMap map = surveyed(oval, rnd, [](double, Side) { return true; });
+    const TiledMap map = surveyed(oval, rnd, [](double, WallSide) { return true; });
     const auto road = roadSurface(map, waypointsOf(oval), oval.spacing_m, drivenLap(oval, rnd));
     ASSERT_EQ(road.size(), static_cast<std::size_t>(oval.waypoints()));
     for (const RoadStation& r : road) {
@@ -138,7 +143,7 @@ TEST(RoadSurfaceProperty, MeasuresABankedOval) {
 TEST(RoadSurfaceProperty, HasNoValueWhereNobodyDroveOrNothingIs) {
   forAll(2, [](Random& rnd) {
     const Oval oval = randomOval(rnd);
-    const TiledMap map = surveyed(oval, rnd, [](double, Side) { return true; });
+    const TiledMap map = surveyed(oval, rnd, [](double, WallSide) { return true; });
     auto lap = drivenLap(oval, rnd);
     EXPECT_TRUE(roadSurface(TiledMap(32), waypointsOf(oval), oval.spacing_m, lap).empty());
     EXPECT_TRUE(roadSurface(map, waypointsOf(oval), oval.spacing_m, {}).empty());
@@ -152,15 +157,15 @@ TEST(WallLinesProperty, FindsTheWallsOfABankedOvalAndTheirGaps) {
   forAll(4, [](Random& rnd) {
     const Oval oval = randomOval(rnd);
     const double gap_from_m = rnd.uniform(20, oval.length() - 100), gap_to_m = gap_from_m + 50;
-    const auto has_wall = [&](double s_m, Side side) {
-      return side == Side::left || s_m < gap_from_m || s_m > gap_to_m;
+    const auto has_wall = [&](double s_m, WallSide side) {
+      return side == WallSide::left || s_m < gap_from_m || s_m > gap_to_m;
     };
     const TiledMap map = surveyed(oval, rnd, has_wall);
     const auto walls = wallLines(map, waypointsOf(oval), oval.spacing_m);
-    std::map<Side, std::size_t> found;
+    std::map<WallSide, std::size_t> found;
     for (const WallPoint& w : walls) {
       ++found[w.side];
-      const double left_m = w.side == Side::left ? oval.left_wall_m : -oval.right_wall_m;
+      const double left_m = w.side == WallSide::left ? oval.left_wall_m : -oval.right_wall_m;
       EXPECT_TRUE(has_wall(w.station_m, w.side) || std::abs(w.station_m - gap_from_m) < 1 ||
                   std::abs(w.station_m - gap_to_m) < 1);
       const Eigen::Vector3d error_m = w.p_map_foot_m - oval.beside(w.station_m, left_m, 0);
@@ -168,9 +173,9 @@ TEST(WallLinesProperty, FindsTheWallsOfABankedOvalAndTheirGaps) {
       EXPECT_NEAR(w.height_m, oval.wall_height_m, 0.2) << w.station_m;
     }
     const auto stations = static_cast<std::size_t>(oval.waypoints());
-    EXPECT_EQ(found[Side::left], stations);
-    EXPECT_LE(found[Side::right], stations - 4);  // 50 m of 10 m each, but for the ends
-    EXPECT_GE(found[Side::right], stations - 6);
+    EXPECT_EQ(found[WallSide::left], stations);
+    EXPECT_LE(found[WallSide::right], stations - 4);  // 50 m of 10 m each, but for the ends
+    EXPECT_GE(found[WallSide::right], stations - 6);
   });
 }
 
@@ -178,7 +183,7 @@ TEST(WallLinesProperty, ABankIsNoWall) {
   forAll(3, [](Random& rnd) {
     Oval oval = randomOval(rnd);
     oval.turn_bank_rad = 35 * kDegree;
-    const TiledMap map = surveyed(oval, rnd, [](double, Side) { return false; });
+    const TiledMap map = surveyed(oval, rnd, [](double, WallSide) { return false; });
     EXPECT_TRUE(wallLines(map, waypointsOf(oval), oval.spacing_m).empty());
   });
 }

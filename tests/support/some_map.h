@@ -53,10 +53,11 @@ inline MapContent someContent(Random& rnd, double tile_size_m) {
     content.waypoints.push_back({T.translation(), yawOf(T)});
     content.road.push_back({i * spacing_m, rnd.normal(), rnd.normal(0.05), rnd.normal(0.2)});
   }
-  for (const Side side : {Side::left, Side::right})
+  for (const WallSide side : {WallSide::left, WallSide::right})
     for (int i = 0; i < kWaypoints; ++i)
       if (i < 10 || i >= 13)  // a gap
-        content.walls.push_back({i * spacing_m, side, onCircle(i, side == Side::left ? -8 : 8).translation(),
+        content.walls.push_back({i * spacing_m, side,
+                                 onCircle(i, side == WallSide::left ? -8 : 8).translation(),
                                  rnd.uniform(0.5, 1.5)});
   for (int i = 0; i < kKeyPoses; ++i) {
     const int waypoint = i * 3 % kWaypoints;
