@@ -18,7 +18,7 @@ namespace {
 
 constexpr int kBlock = 6;
 /** So many of the newest poses are ordered last. */
-constexpr std::size_t kNewest = 20;
+constexpr std::size_t kNewest = 5;
 
 using BlockMap = Eigen::Map<Matrix6d, 0, Eigen::OuterStride<>>;
 
