@@ -18,7 +18,10 @@ namespace {
 
 constexpr int kBlock = 6;
 /** So many of the newest poses are ordered last. */
-constexpr std::size_t kNewest = 20;
+constexpr std::size_t kNewest = 5;
+
+/** A pivot that has lost all its digits. */
+constexpr double kSingular = 1e-13;
 
 using BlockMap = Eigen::Map<Matrix6d, 0, Eigen::OuterStride<>>;
 
@@ -339,6 +342,9 @@ bool BlockCholesky::append(const Matrix6d& diagonal,
     if (common.status == CHOLMOD_OUT_OF_MEMORY) throw std::bad_alloc();
     x_->flops_changed += common.modfl;
     if (!ok || common.status != CHOLMOD_OK) return false;
+    const double* D =
+        static_cast<const double*>(x_->L->x) + static_cast<const int*>(x_->L->p)[kBlock * at + k];
+    if (!(*D > kSingular * diagonal(k, k))) return false;
   }
   ++x_->poses;
   return true;

@@ -38,6 +38,7 @@ void Smoother::update(const std::vector<Pose>& new_T_map_body, const std::vector
   x_graph.factors.insert(x_graph.factors.end(), new_factors.begin(), new_factors.end());
   x_factors_of.resize(poses);
   x_information.resize(poses, Matrix6d::Zero());
+  x_since_check.resize(poses);
   x_marked.resize(poses, 0);
   for (std::size_t f = old_factors; f < x_graph.factors.size(); ++f) {
     const LinearFactor term = lineariseNow(f);
@@ -135,11 +136,14 @@ void Smoother::relax() {
     pushes.emplace_back(pose, -g);
   }
   if (all_at_rest) return;
-  std::set<std::size_t> moved;
+  std::vector<std::size_t> far;
   for (const auto& [pose, step] : response(std::move(pushes)))
-    if (move(pose, step)) moved.insert(x_factors_of[pose].begin(), x_factors_of[pose].end());
-  for (const std::size_t f : moved)
-    if ((lineariseNow(f).r - x_in_L[f].r).norm() > x_options.model_sigma) x_stale.insert(f);
+    if (move(pose, step)) far.push_back(pose);
+  for (const std::size_t pose : far) {
+    x_since_check[pose] = {};
+    for (const std::size_t f : x_factors_of[pose])
+      if ((lineariseNow(f).r - x_in_L[f].r).norm() > x_options.model_sigma) x_stale.insert(f);
+  }
 }
 
 /** Solves for the poses that move. A path to the root leaves out what hangs from it: where the last ones on it
@@ -190,14 +194,19 @@ Vector6d Smoother::modelGradient(std::size_t pose) const {
   return g;
 }
 
-/** Moves a pose, and the residuals of its factors as the linear model has them. \return false if the step is
- * too small to be taken; what pushed the pose is then still there */
+/** Moves a pose, and the residuals of its factors as the linear model has them; a step that is too small is not
+ * taken, and what pushed the pose is then still there. \return whether it has come so far that the models of its
+ * factors may be off: their errors are of second order, a turn times a way */
 bool Smoother::move(std::size_t pose, const Vector6d& step) {
-  if (inSigmas(pose, step) < x_options.rest_sigma) return false;
+  const double way_sigma = inSigmas(pose, step);
+  if (way_sigma < x_options.rest_sigma) return false;
   x_graph.T_map_body[pose] = x_graph.T_map_body[pose] * se3Exp(step);
   for (const std::size_t f : x_factors_of[pose])
     x_in_L[f].r += (x_in_L[f].i == pose ? x_in_L[f].J_i : x_in_L[f].J_j) * step;
-  return true;
+  Way& way = x_since_check[pose];
+  way.turn_rad += step.head<3>().norm();
+  way.sigma += way_sigma;
+  return way.turn_rad * way.sigma > 0.5 * x_options.model_sigma;
 }
 
 /** False: there is too much to do, or L did not survive. */

@@ -16,9 +16,9 @@ namespace raceloc {
 struct SmootherOptions {
   /** A pose is at rest while it would move by less than this many of its standard deviations, given its
    * neighbours. */
-  double rest_sigma = 0.001;
+  double rest_sigma = 0.005;
   /** A factor is linearised anew when its linear model is off by this many sigmas at the estimate. */
-  double model_sigma = 0.05;
+  double model_sigma = 0.2;
   int rounds = 6;                       ///< solves per update at most
   std::size_t poses_per_update = 2000;  ///< looked at per update at most; the rest is for the next updates
   std::size_t relinearised_per_update = 16;  ///< factors, likewise
@@ -62,6 +62,9 @@ class Smoother {
 
  private:
   using Steps = std::vector<std::pair<std::size_t, Vector6d>>;  ///< of poses
+  struct Way {
+    double turn_rad = 0, sigma = 0;
+  };
   [[nodiscard]] bool extend(std::size_t old_poses, std::size_t old_factors);
   void renew();
   void relax();
@@ -78,7 +81,8 @@ class Smoother {
   std::vector<std::vector<std::size_t>> x_factors_of;  ///< of each pose
   std::vector<LinearFactor> x_in_L;                    ///< each factor's linear model, J as L has it
   std::vector<Matrix6d> x_information;                 ///< diagonal blocks of L L', near enough
-  std::vector<unsigned> x_marked;                      ///< poses seen in the search number `x_mark`
+  std::vector<Way> x_since_check;  ///< how far each pose has gone since its factors were checked
+  std::vector<unsigned> x_marked;  ///< poses seen in the search number `x_mark`
   unsigned x_mark = 0;
   std::optional<BlockCholesky> x_L;
   std::set<std::size_t> x_restless;  ///< poses to look at

@@ -149,6 +149,34 @@ std::optional<Loop> loopOf(const std::vector<Pose>& T_map_body, const Drives& dr
   return Loop{std::move(ids), std::move(dict), length_m};
 }
 
+/** How far off each key pose may be before loops are closed: fixes that agree with it hold it, and odometry drifts
+ * away from them. [m] */
+std::vector<double> doubtOf(const std::vector<Keyframe>& keyframes, const std::vector<Pose>& T_map_body,
+                            const GraphOptions& o) {
+  constexpr double kFixes_m = 0.5, kDrift_share = 0.005, kLost_m = 1e3;
+  std::vector<double> doubt_m(keyframes.size());
+  double now_m = kLost_m;
+  for (std::size_t key = 0; key < keyframes.size(); ++key) {
+    now_m = beginsDrive(keyframes[key])
+                ? kLost_m
+                : now_m + kDrift_share * keyframes[key].since_last.T_start_end.translation().norm();
+    for (const KeyGps& gps : keyframes[key].gps) {
+      const Eigen::Matrix3d C =
+          gps.cov_map_m2 + o.gps_min_sigma_m * o.gps_min_sigma_m * Eigen::Matrix3d::Identity();
+      const double sigma_m = std::sqrt(C.trace() / 3);
+      const double off_m = (T_map_body[key] * gps.p_body_antenna_m - gps.p_map_antenna_m).norm();
+      if (off_m < 3 * sigma_m) now_m = std::min(now_m, kFixes_m + 3 * sigma_m);
+    }
+    doubt_m[key] = now_m;
+  }
+  for (std::size_t key = keyframes.size() - 1; key > 0; --key)  // and from the fixes that follow
+    if (!beginsDrive(keyframes[key]))
+      doubt_m[key - 1] =
+          std::min(doubt_m[key - 1],
+                   doubt_m[key] + kDrift_share * keyframes[key].since_last.T_start_end.translation().norm());
+  return doubt_m;
+}
+
 LoopClosures closeLoops(gpu::Context& context, Loop& loop, const Drives& drives,
                         const std::vector<Pose>& T_map_body, const ScanStore& scans,
                         const MapperOptions& options, const StageProgress& progress) {
@@ -156,14 +184,17 @@ LoopClosures closeLoops(gpu::Context& context, Loop& loop, const Drives& drives,
   const LoopMatcher matcher(
       context, chain, [&](std::size_t key) { return scans.scan(key); }, options.loops,
       options.matching.registration, options.matching.covariance);
+  const std::vector<double> doubt_m = doubtOf(drives.keyframes, T_map_body, options.graph);
   std::vector<LoopMatch> matches;
   for (std::size_t key = 0; key < T_map_body.size(); ++key) {
     const auto id = loop.ids.idAt(T_map_body[key]);
     if (!id) continue;
     const auto number = static_cast<std::uint32_t>(key);
     loop.dict.add({number, number}, *id, drives.session_of[key]);
-    for (const LoopCandidate& candidate : loopCandidates(loop.dict, T_map_body, options.loops))
+    for (LoopCandidate candidate : loopCandidates(loop.dict, T_map_body, options.loops)) {
+      candidate.drift_m = std::min(candidate.drift_m, doubt_m[candidate.i] + doubt_m[candidate.j]);
       matches.push_back(matcher.match(candidate));
+    }
     progress("loops", static_cast<double>(key) / static_cast<double>(T_map_body.size()));
   }
   return consistentLoops(matches, chain, options.loops);
