@@ -24,19 +24,18 @@ struct SmootherOptions {
   std::size_t relinearised_per_update = 16;  ///< factors, likewise
 };
 
-/** Keeps a pose graph's estimate at the minimum of its cost while poses and factors arrive.
+/** Keeps a pose graph's estimate near the minimum of its cost while poses and factors arrive.
  *
  * The Cholesky factor L of the normal equations is changed, not computed again: new poses are new rows of it, new
- * factors a rank-6 update. The gradient, on the other hand, is always the true one, of the losses and at the
- * estimate of now; the steps -(L L')^-1 g thus end in the minimum of the batch solution, whatever L was
- * linearised at, and L has only to be near enough for them to be short (chord method). An update solves where the
- * gradient is not at rest, for the poses from there to the root of the elimination tree, and goes on to the
- * neighbours of those that moved. Factors whose Jacobian has changed are taken out of L and put back as they are
- * now, a few per update. When the changes have cost as much as it costs to order and factorize everything anew,
- * that is done: twice the least cost at most (rent or buy), whatever the graph.
+ * factors a rank-6 update. Each factor has a linear model, with the Jacobian that L has; an update solves the
+ * model exactly where poses are not at rest, from there to the root of the elimination tree, and goes on to the
+ * neighbours of those that move. Factors whose model is off at the estimate are taken out of L and put back as they
+ * are now. When the changes have cost as much as ordering and factorizing everything anew, or too many models are
+ * off, that is done (rent or buy: twice the least cost at most).
  *
- * Work per update is bounded by the options, but for those renewals, which take a time in proportion to the graph
- * and come at intervals in proportion to it. The same input gives the same bits.
+ * Work per update goes with the number of poses that move: few between loops, up to all of them at a loop, and at
+ * renewals, which come at intervals in proportion to the graph. finish() ends in the batch solution. The same input
+ * gives the same bits.
  * Source: Kaess et al., iSAM, T-RO 24(6), 2008, and iSAM2, IJRR 31(2), 2012 (fluid relinearisation, partial
  * propagation); Davis and Hager, SIAM J. Matrix Anal. Appl. 26(3), 2005 (row addition). */
 class Smoother {
