@@ -65,6 +65,36 @@ void collect(const std::string& receiver, const std::vector<Judged>& fixes, cons
   }
 }
 
+/** A fix as part of a chain. */
+struct Link {
+  std::size_t key;
+  KeyGps* gps;
+  Eigen::Vector3d offset_m;  ///< of the fix from where odometry leads its antenna
+  double sigma_m;
+  std::size_t length = 1;  ///< of the longest chain that ends here
+  std::size_t before = 0;  ///< the link before in it; itself: none
+};
+
+/** Of the links first .. last - 1, refuses all that are not in the longest chain. */
+void keepLongest(std::vector<Link>& links, std::size_t first, std::size_t last) {
+  std::size_t at = first;
+  for (std::size_t i = first; i < last; ++i) {
+    links[i].gps->refused = true;
+    if (links[i].length > links[at].length) at = i;
+  }
+  for (bool more = first < last; more; at = links[at].before) {
+    links[at].gps->refused = false;
+    more = links[at].before != at;
+  }
+}
+
+/** Whether another drive begins after key pose `a`, up to `b`. */
+bool parted(const std::vector<Keyframe>& keyframes, std::size_t a, std::size_t b) {
+  for (std::size_t key = a + 1; key <= b; ++key)
+    if (beginsDrive(keyframes[key])) return true;
+  return false;
+}
+
 }  // namespace
 
 std::vector<GpsSpan> gpsSpans(const std::vector<Keyframe>& keyframes, const std::vector<Pose>& T_map_body,
@@ -82,6 +112,48 @@ std::vector<GpsSpan> gpsSpans(const std::vector<Keyframe>& keyframes, const std:
               });
   }
   return spans;
+}
+
+void refuseUnchained(std::vector<Keyframe>& keyframes, const std::vector<Pose>& T_map_body,
+                     const GraphOptions& o) {
+  // Where the LiDAR odometry leads, in the map's axes: its steps, turned by attitudes that do not drift.
+  std::vector<Eigen::Vector3d> led_m(keyframes.size(), Eigen::Vector3d::Zero());
+  std::vector<double> path_m(keyframes.size(), 0);
+  for (std::size_t key = 1; key < keyframes.size(); ++key) {
+    const Eigen::Vector3d step_m = keyframes[key].since_last.T_start_end.translation();
+    led_m[key] = led_m[key - 1] + T_map_body[key - 1].linear() * step_m;
+    path_m[key] = path_m[key - 1] + step_m.norm();
+  }
+  std::map<std::string, std::vector<Link>> receivers;
+  for (std::size_t key = 0; key < keyframes.size(); ++key)
+    for (KeyGps& gps : keyframes[key].gps) {
+      const Eigen::Vector3d antenna_m = led_m[key] + T_map_body[key].linear() * gps.p_body_antenna_m;
+      receivers[gps.receiver].push_back({key, &gps, gps.p_map_antenna_m - antenna_m,
+                                         std::hypot(worstSigma(gps.cov_map_m2), o.gps_min_sigma_m)});
+    }
+  for (auto& [receiver, links] : receivers) {
+    std::size_t drive = 0;  // the first link of this drive
+    for (std::size_t begin = 0, j = 0; j <= links.size(); ++j) {
+      const bool ends = j == links.size();
+      if (ends || (j > 0 && parted(keyframes, links[j - 1].key, links[j].key))) {
+        keepLongest(links, drive, j);
+        drive = begin = j;
+        if (ends) break;
+      }
+      links[j].before = j;
+      while (keyframes[links[j].key].stamp_s - keyframes[links[begin].key].stamp_s > o.gps_chain_reach_s)
+        ++begin;
+      for (std::size_t i = j; i-- > begin;) {
+        if (links[i].length + 1 <= links[j].length) continue;
+        const double away_m = (links[j].offset_m - links[i].offset_m).norm();
+        const double may_m = 4 * std::hypot(links[i].sigma_m, links[j].sigma_m) +
+                             o.gps_chain_share * (path_m[links[j].key] - path_m[links[i].key]) + 0.05;
+        if (away_m > may_m) continue;
+        links[j].length = links[i].length + 1;
+        links[j].before = i;
+      }
+    }
+  }
 }
 
 void refuse(std::vector<Keyframe>& keyframes, const std::vector<GpsSpan>& spans) {

@@ -21,6 +21,10 @@ void GraphOptions::describe(OptionList& keys) {
   keys.add("gps_poor_sigma_m", gps_poor_sigma_m, above(0), "fixes that claim more are listed as poor [m]");
   keys.add("gps_span_gap_s", gps_span_gap_s, atLeast(0),
            "bad fixes of a receiver less far apart are one span, and so is what lies between [s]");
+  keys.add("gps_chain_share", gps_chain_share, above(0),
+           "what LiDAR odometry may miss between two fixes, as a share of the way");
+  keys.add("gps_chain_reach_s", gps_chain_reach_s, above(0),
+           "a receiver that is off for longer is believed to be right again [s]");
   keys.add("attitude_min_sigma_deg", attitude_min_sigma_deg, above(0),
            "no INS is believed to be better than this [deg]");
   keys.add("level_sigma_deg", level_sigma_deg, above(0),
@@ -34,8 +38,6 @@ Eigen::Matrix3d floored(const Eigen::Matrix3d& covariance, double sigma) {
   return covariance + sigma * sigma * Eigen::Matrix3d::Identity();
 }
 
-/** Odometry may be wrong where a wheel spun or a match slipped; it must not be able to bend the rest. */
-constexpr RobustLoss kOnOdometry{RobustLoss::Kind::huber, 3};
 constexpr RobustLoss kOnLoops{RobustLoss::Kind::cauchy, 3};
 
 void addLevel(PoseGraph& graph, std::size_t i, const Keyframe& k, const GraphOptions& o) {
@@ -71,7 +73,7 @@ PoseGraph graphOf(GraphKind kind, const std::vector<Keyframe>& keyframes, const 
     if (!beginsDrive(k)) {
       const BodyMotion& motion = kind == GraphKind::gps && k.reckoned ? *k.reckoned : k.since_last;
       graph.factors.emplace_back(BetweenFactor{
-          i - 1, i, motion.T_start_end, whiteningOf(flooredOdometry(motion.covariance, o)), kOnOdometry});
+          i - 1, i, motion.T_start_end, whiteningOf(flooredOdometry(motion.covariance, o)), {}});
     } else if (kind == GraphKind::lidar) {
       Vector6d sigma;
       sigma << Eigen::Vector3d::Constant(30 * kDegree), Eigen::Vector3d::Constant(100);

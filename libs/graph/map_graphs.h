@@ -13,13 +13,15 @@ namespace raceloc {
 
 /** Section [graph]. */
 struct GraphOptions {
-  double odometry_sigma_m = 0.05;
-  double odometry_sigma_deg = 0.1;
+  double odometry_sigma_m = 0.02;
+  double odometry_sigma_deg = 0.03;
   double gps_min_sigma_m = 0.05;
   double gps_robust_width = 2.0;
   double gps_refuse_sigma = 8;
   double gps_poor_sigma_m = 0.5;
   double gps_span_gap_s = 2;
+  double gps_chain_share = 0.002;
+  double gps_chain_reach_s = 60;
   double attitude_min_sigma_deg = 0.05;
   double level_sigma_deg = 5.0;
   int max_iterations = 100;

@@ -288,8 +288,10 @@ BuiltMap buildMap(const std::vector<std::string>& log_paths, const std::string& 
   const bool has_gps = drives.origin.has_value();
 
   progress("graphs", 0);
-  const GraphSolution gps =
+  GraphSolution gps =
       solveGraph(GraphKind::gps, drives.keyframes, {}, alignedOdometry(drives.keyframes), options.graph);
+  refuseUnchained(drives.keyframes, gps.T_map_body, options.graph);
+  gps = solveGraph(GraphKind::gps, drives.keyframes, {}, gps.T_map_body, options.graph);
   GraphSolution joint = solveGraph(GraphKind::joint, drives.keyframes, {}, gps.T_map_body, options.graph);
   progress("graphs", 1);
 
