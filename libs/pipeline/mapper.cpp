@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <cmath>
 #include <filesystem>
+#include <limits>
+#include <map>
 #include <set>
 #include <utility>
 
@@ -105,6 +107,27 @@ Drives survey(const std::vector<std::string>& logs, StageStore& store, ScanStore
     drives.surveys.push_back(std::move(found));
   }
   return drives;
+}
+
+/** \throws InputError naming a log that was recorded nowhere near those before it. */
+void requireOnePlace(const Drives& drives, const std::vector<Pose>& T_map_body,
+                     const std::vector<std::string>& logs) {
+  constexpr double kNear_m = 200;
+  for (std::size_t key = 0; key < T_map_body.size();) {
+    const int session = drives.session_of[key];
+    const std::size_t begin = key;
+    bool near = session == 0;
+    double nearest_m = std::numeric_limits<double>::max();
+    for (; key < T_map_body.size() && drives.session_of[key] == session; ++key)
+      for (std::size_t other = 0; other < begin && !near; ++other) {
+        nearest_m =
+            std::min(nearest_m, (T_map_body[key].translation() - T_map_body[other].translation()).norm());
+        near = nearest_m < kNear_m;
+      }
+    if (!near)
+      throw InputError("rawlog " + logs[static_cast<std::size_t>(session)] + ": of another place, " +
+                       std::to_string(std::lround(nearest_m)) + " m from the logs before it; map it alone");
+  }
 }
 
 std::vector<Eigen::Vector3d> positionsOf(const std::vector<Pose>& poses) {
@@ -290,6 +313,7 @@ BuiltMap buildMap(const std::vector<std::string>& log_paths, const std::string& 
   progress("graphs", 0);
   GraphSolution gps =
       solveGraph(GraphKind::gps, drives.keyframes, {}, alignedOdometry(drives.keyframes), options.graph);
+  requireOnePlace(drives, gps.T_map_body, log_paths);
   refuseUnchained(drives.keyframes, gps.T_map_body, options.graph);
   gps = solveGraph(GraphKind::gps, drives.keyframes, {}, gps.T_map_body, options.graph);
   GraphSolution joint = solveGraph(GraphKind::joint, drives.keyframes, {}, gps.T_map_body, options.graph);

@@ -4,7 +4,9 @@
 
 #include <fstream>
 #include <iterator>
+#include <stdexcept>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "support/run_command.h"
@@ -22,6 +24,12 @@ inline std::string readFile(const std::string& path) {
 }
 inline void writeFile(const std::string& path, const std::string& text) {
   std::ofstream(path, std::ios::binary) << text;
+}
+
+/** For the steps that a test builds on. \throws std::runtime_error with the program's own words if it failed. */
+inline CommandResult require(CommandResult run) {
+  if (run.exit_code != 0) throw std::runtime_error(run.err);
+  return run;
 }
 
 /** The logs and the map of one drive. */

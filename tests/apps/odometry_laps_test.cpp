@@ -90,10 +90,6 @@ class OdometryLaps : public ::testing::Test {
   void expectGapIsBridged(double off_s) const;
 
  private:
-  static const CommandResult& require(const CommandResult& run) {
-    if (run.exit_code != 0) throw std::runtime_error(run.err);
-    return run;
-  }
   TemporaryFolder folder_;
 };
 

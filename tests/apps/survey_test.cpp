@@ -1,0 +1,190 @@
+/** \file
+ * Surveys of whole laps to a map: given ..., when ..., then ... . */
+#include <gmock/gmock.h>
+#include <poll.h>
+#include <sys/inotify.h>
+#include <sys/syscall.h>
+
+#include <array>
+
+#include "apps/apps.h"
+#include "eval/trajectory_errors.h"
+#include "map/map_file.h"
+
+namespace {
+
+using namespace raceloc::test;
+using ::testing::HasSubstr;
+using ::testing::Not;
+
+/** Two laps and a bit of Lucas Oil Raceway, once for all tests, and one lap of another day. */
+class Survey : public ::testing::Test {
+ protected:
+  static void SetUpTestSuite() {
+    logs_ = std::make_unique<TemporaryFolder>();
+    simulate("two_laps", {"--laps", "2.1", "--seed", "1"});
+    simulate("one_lap", {"--laps", "1", "--seed", "2"});
+  }
+  static void TearDownTestSuite() { logs_.reset(); }
+
+  static void simulate(const std::string& name, const std::vector<std::string>& drive,
+                       const std::string& devices = "lidar_front gps_* imu vehicle") {
+    std::vector<std::string> sim{app("raceloc-sim"),
+                                 "--track",
+                                 ROOT "/share/tracks/lor.ini",
+                                 "--car",
+                                 ini("sim/indy.ini"),
+                                 "--devices",
+                                 devices,
+                                 "--top-speed",
+                                 "30",
+                                 "-o",
+                                 log(name)};
+    sim.insert(sim.end(), drive.begin(), drive.end());
+    require(runCommand(sim));
+  }
+  static std::string log(const std::string& name) { return *logs_ / (name + ".rawlog"); }
+
+  [[nodiscard]] std::vector<std::string> mapping(const std::vector<std::string>& logs,
+                                                 const std::vector<std::string>& options = {}) const {
+    std::vector<std::string> command{app("raceloc-map"), "-c",           ini("map.ini"),  "-o",
+                                     out / "map.rlmap",  "--trajectory", out / "keys.tum"};
+    command.insert(command.end(), options.begin(), options.end());
+    command.insert(command.end(), logs.begin(), logs.end());
+    return command;
+  }
+  /** The key poses against the truth of a drive. */
+  [[nodiscard]] raceloc::Evaluation errors(const std::string& name) const {
+    return raceloc::evaluate(raceloc::readTrajectoryFile(*logs_ / (name + "_truth.tum")),
+                             raceloc::readTrajectoryFile(out / "keys.tum"), {});
+  }
+  /** Reads the folder's events until there were `events`; false when the program ends before. */
+  [[nodiscard]] bool waitFor(int events, const RunningCommand& program, int watch) const {
+    const int process = static_cast<int>(syscall(SYS_pidfd_open, program.pid(), 0));
+    if (process < 0) throw std::runtime_error("cannot watch the program");
+    bool seen = true;
+    while (events > 0 && seen) {
+      std::array<pollfd, 2> either{pollfd{watch, POLLIN, 0}, pollfd{process, POLLIN, 0}};
+      constexpr int kLimit_ms = 300'000;
+      seen = poll(either.data(), either.size(), kLimit_ms) > 0 && (either[0].revents & POLLIN) != 0;
+      alignas(inotify_event) std::array<char, 4096> buffer{};
+      const auto size = seen ? read(watch, buffer.data(), buffer.size()) : 0;
+      for (ssize_t at = 0; at < size; --events)
+        at += static_cast<ssize_t>(
+            sizeof(inotify_event) +
+            reinterpret_cast<const inotify_event*>(buffer.data() + at)->len);  // NOLINT: as inotify(7) has it
+    }
+    close(process);
+    return seen;
+  }
+
+  static std::unique_ptr<TemporaryFolder> logs_;
+  const TemporaryFolder out;
+};
+std::unique_ptr<TemporaryFolder> Survey::logs_;
+
+/** The project's figures for a key pose, rmse. */
+constexpr double kLateral_m = 0.05, kAlong_m = 0.10, kHeight_m = 0.05;
+
+TEST_F(Survey, TwoLapsCloseAndReceiversThatLieAreNamed) {
+  // One receiver, then both by the same 3 m, then noise of 10 m that claims 2 cm.
+  writeFile(
+      out / "faults.ini",
+      "[fault_01]\nkind = gps_step\nlabels = gps_left\nfrom_s = 12\nto_s = 18\neast_m = 4\nnorth_m = 2\n"
+      "[fault_02]\nkind = gps_step\nlabels = gps_*\nfrom_s = 30\nto_s = 32\neast_m = -2\nnorth_m = 2\n"
+      "[fault_03]\nkind = gps_noise\nlabels = gps_right\nfrom_s = 45\nto_s = 48\nsigma_m = 10\n");
+  require(runCommand({app("raceloc-sim"), "inject", "--faults", out / "faults.ini", "-i", log("two_laps"),
+                      "-o", out / "faulty.rawlog"}));
+  const std::string said = require(runCommand(mapping({out / "faulty.rawlog"}))).out;
+
+  EXPECT_THAT(said, HasSubstr("GPS REFUSED      gps_left, 1"));
+  EXPECT_THAT(said, HasSubstr("GPS REFUSED      gps_left, 29.9 .. 31.9 s"));
+  EXPECT_THAT(said, HasSubstr("GPS REFUSED      gps_right, 29.9 .. 31.9 s"));
+  EXPECT_THAT(said, HasSubstr("GPS REFUSED      gps_right, 44.9 .. 47.9 s"));
+  std::size_t spans = 0;
+  for (auto at = said.find("GPS REFUSED"); at != std::string::npos; at = said.find("GPS REFUSED", at + 1))
+    ++spans;
+  EXPECT_EQ(spans, 4U) << said;
+  const auto e = errors("two_laps");
+  EXPECT_LT(e.lateral_m.rmse, kLateral_m);
+  EXPECT_LT(e.longitudinal_m.rmse, kAlong_m);
+  EXPECT_LT(e.height_m.rmse, kHeight_m);
+
+  const raceloc::MapFile map(out / "map.rlmap");
+  EXPECT_NO_THROW(map.verify());
+  const raceloc::MapContent& content = map.content();
+  std::size_t loops = 0, with_id = 0;
+  for (const auto& edge : content.edges) loops += edge.kind == raceloc::EdgeKind::loop ? 1 : 0;
+  for (const auto& k : content.key_poses) with_id += k.racetrack_id ? 1 : 0;
+  EXPECT_GT(loops, 10U);
+  EXPECT_EQ(with_id, content.key_poses.size());
+  EXPECT_GT(content.road.size(), content.waypoints.size() * 9 / 10);
+  EXPECT_GT(content.walls.size(), content.waypoints.size());  // both sides have walls nearly everywhere
+}
+
+TEST_F(Survey, WithoutGpsForHalfALapItClosesOnTheNext) {
+  writeFile(out / "faults.ini", "[fault_01]\nkind = gps_outage\nlabels = gps_*\nfrom_s = 20\nto_s = 38\n");
+  require(runCommand({app("raceloc-sim"), "inject", "--faults", out / "faults.ini", "-i", log("two_laps"),
+                      "-o", out / "faulty.rawlog"}));
+  require(runCommand(mapping({out / "faulty.rawlog"})));
+  constexpr double kCloses_m = 0.3;  // the project's figure
+  EXPECT_LT(errors("two_laps").position_plane_m.max, kCloses_m);
+}
+
+TEST_F(Survey, AnotherDayComesIntoTheSameMap) {
+  const std::string said = require(runCommand(mapping({log("two_laps"), log("one_lap")}))).out;
+  EXPECT_THAT(said, HasSubstr("session          two_laps.rawlog"));
+  EXPECT_THAT(said, HasSubstr("session          one_lap.rawlog"));
+  const raceloc::MapContent content = raceloc::MapFile(out / "map.rlmap").content();
+  ASSERT_THAT(content.info.sessions, ::testing::ElementsAre("two_laps.rawlog", "one_lap.rawlog"));
+  std::size_t across = 0;
+  for (const auto& edge : content.edges)
+    if (edge.kind == raceloc::EdgeKind::loop &&
+        content.key_poses[static_cast<std::size_t>(edge.i)].session !=
+            content.key_poses[static_cast<std::size_t>(edge.j)].session)
+      ++across;
+  EXPECT_GT(across, 5U);
+}
+
+TEST_F(Survey, KilledAtAnyMomentItGoesOnAndMakesTheSameMap) {
+  require(runCommand(mapping({log("one_lap")})));
+  const std::string whole = readFile(out / "map.rlmap");
+  const int watch = inotify_init1(IN_CLOEXEC);
+  ASSERT_GE(watch, 0);
+  ASSERT_GE(inotify_add_watch(watch, (out / "").c_str(), IN_MODIFY), 0);
+  for (const int events : {5, 300, 900}) {
+    {
+      RunningCommand map(mapping({log("one_lap")}, {"--resume"}));
+      if (!waitFor(events, map, watch)) continue;  // it was ready before
+      map.kill();
+      EXPECT_EQ(map.wait().exit_code, 128 + SIGKILL);
+    }
+    EXPECT_TRUE(readFile(out / "map.rlmap") == whole);
+  }
+  close(watch);
+  require(runCommand(mapping({log("one_lap")}, {"--resume"})));
+  EXPECT_TRUE(readFile(out / "map.rlmap") == whole);
+  for (const auto& name : out.names()) {
+    EXPECT_THAT(name, Not(HasSubstr(".part")));
+    EXPECT_THAT(name, Not(HasSubstr(".build")));
+  }
+}
+
+TEST_F(Survey, ALogWithoutGpsAmongOthersIsNamed) {
+  simulate("blind", {"--laps", "0.2", "--seed", "3"}, "lidar_front imu vehicle");
+  const auto result = runCommand(mapping({log("two_laps"), log("blind")}));
+  EXPECT_EQ(result.exit_code, 2);
+  EXPECT_THAT(result.err, HasSubstr("blind.rawlog: no GPS"));
+}
+
+TEST_F(Survey, AnotherTrackIsNamed) {
+  require(
+      runCommand({app("raceloc-sim"), "--track", ROOT "/share/tracks/ims.ini", "--car", ini("sim/indy.ini"),
+                  "--devices", "lidar_front gps_* imu vehicle", "--laps", "0.1", "-o", out / "ims.rawlog"}));
+  const auto result = runCommand(mapping({log("one_lap"), out / "ims.rawlog"}));
+  EXPECT_EQ(result.exit_code, 2);
+  EXPECT_THAT(result.err, HasSubstr("ims.rawlog: "));
+  EXPECT_THAT(result.err, HasSubstr("of another place"));
+}
+
+}  // namespace
