@@ -78,7 +78,9 @@ void print(const MapReport& r, const MapInfo& info) {
         r.lap_m, r.laps, r.loops.size(), r.loop_residual_m, r.refused_loops.size());
   else
     std::printf("racetrack        no full lap: no racetrack IDs, no loops\n");
-  std::printf("map              %zu points in %zu tiles\n", r.points, r.tiles);
+  std::printf(
+      "map              %zu points in %zu tiles; %.2f %% of the scans' points moved and are left out\n",
+      r.points, r.tiles, 100 * r.moving_share);
   if (r.walls.cells > 0)
     std::printf("wall thickness   %.3f m median, %.3f m p90, over %zu pieces of wall\n", r.walls.median_m,
                 r.walls.p90_m, r.walls.cells);

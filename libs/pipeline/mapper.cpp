@@ -13,6 +13,7 @@
 #include "graph/graph_alignment.h"
 #include "graph/loop_closure.h"
 #include "map/road_surface.h"
+#include "map/static_points.h"
 #include "map/voxel_average.h"
 #include "map/wall_lines.h"
 #include "track/driven_line.h"
@@ -30,6 +31,9 @@ std::string identityOf(const std::string& path) {
   return std::filesystem::path(path).filename().string() + " " + std::to_string(size) + " " +
          std::to_string(written);
 }
+
+/** About the middle of a car's LiDARs, in the body: scans of several are one cloud. */
+const Eigen::Vector3d kEyes_m(1.5, 0, 0.8);
 
 /** The scans of all key poses, on the disk. */
 class ScanStore {
@@ -343,14 +347,26 @@ BuiltMap buildMap(const std::vector<std::string>& log_paths, const std::string& 
   joint = solveGraph(GraphKind::joint, drives.keyframes, loops.edges, joint.T_map_body, options.graph);
   const std::vector<Pose>& T_map_body = joint.T_map_body;
 
+  // Scans are read three times rather than kept: which voxels hold points, which of those others see through, the rest.
+  StaticVoxels still(options.static_points);
+  const auto forEachScan = [&](const char* stage, const auto& take) {
+    for (std::size_t key = 0; key < keys; ++key) {
+      take(scans.scan(key), T_map_body[key]);
+      progress(stage, static_cast<double>(key + 1) / static_cast<double>(keys));
+    }
+  };
+  forEachScan("moving objects", [&](const Cloud& scan, const Pose& T) { still.mark(scan, T); });
+  forEachScan("moving objects", [&](const Cloud& scan, const Pose& T) { still.count(scan, T, kEyes_m); });
   VoxelAverage average(options.map.point_spacing_m);
   WallSharpness sharpness;
-  for (std::size_t key = 0; key < keys; ++key) {
-    const Cloud scan = transformed(scans.scan(key), T_map_body[key]);
+  std::size_t seen = 0, moving = 0;
+  forEachScan("points", [&](const Cloud& whole, const Pose& T) {
+    const Cloud scan = transformed(still.staticPart(whole, T), T);
+    seen += whole.size();
+    moving += whole.size() - scan.size();
     average.add(scan);
     sharpness.add(scan);
-    progress("points", static_cast<double>(key) / static_cast<double>(keys));
-  }
+  });
   CovarianceOptions covariance = options.matching.covariance;
   covariance.radius_m = options.map.covariance_radius_m;
   progress("tiles", 0);
@@ -408,6 +424,7 @@ BuiltMap buildMap(const std::vector<std::string>& log_paths, const std::string& 
   report.loops = std::move(loops.edges);
   report.refused_loops = std::move(loops.refused);
   report.walls = sharpness.thickness();
+  report.moving_share = seen > 0 ? static_cast<double>(moving) / static_cast<double>(seen) : 0;
   report.points = built.tiles.pointCount();
   report.tiles = built.tiles.tiles().size();
   std::vector<std::size_t> key_poses_of(drives.surveys.size(), 0);

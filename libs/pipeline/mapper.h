@@ -45,6 +45,7 @@ struct MapReport {
   std::vector<RefusedLoop> refused_loops;
   double loop_residual_m;  ///< median distance of a kept loop from where the map has it
   WallThickness walls;
+  double moving_share;  ///< of the scans' points: left out, because other scans see through them
   std::size_t points, tiles;
 };
 

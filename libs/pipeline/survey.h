@@ -10,6 +10,7 @@
 #include "core/trajectory.h"
 #include "graph/map_graphs.h"
 #include "map/bytes.h"
+#include "map/static_points.h"
 #include "pipeline/matching_options.h"
 #include "track/driven_line.h"
 #include "track/track_id.h"
@@ -35,6 +36,7 @@ struct MapperOptions {
   TrackIdOptions track_id;
   FirstLapOptions first_lap;
   LoopOptions loops;
+  StaticOptions static_points;
   MapOptions map;
   /** \throws InputError as IniFile does. */
   static MapperOptions fromIni(const std::string& path);

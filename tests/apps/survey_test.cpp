@@ -17,33 +17,10 @@ using namespace raceloc::test;
 using ::testing::HasSubstr;
 using ::testing::Not;
 
-/** Two laps and a bit of Lucas Oil Raceway, once for all tests, and one lap of another day. */
+/** Two laps and a bit of Lucas Oil Raceway, and one lap of another day, as tests/apps/CMakeLists.txt simulates them. */
 class Survey : public ::testing::Test {
  protected:
-  static void SetUpTestSuite() {
-    logs_ = std::make_unique<TemporaryFolder>();
-    simulate("two_laps", {"--laps", "2.1", "--seed", "1"});
-    simulate("one_lap", {"--laps", "1", "--seed", "2"});
-  }
-  static void TearDownTestSuite() { logs_.reset(); }
-
-  static void simulate(const std::string& name, const std::vector<std::string>& drive,
-                       const std::string& devices = "lidar_front gps_* imu vehicle") {
-    std::vector<std::string> sim{app("raceloc-sim"),
-                                 "--track",
-                                 ROOT "/share/tracks/lor.ini",
-                                 "--car",
-                                 ini("sim/indy.ini"),
-                                 "--devices",
-                                 devices,
-                                 "--top-speed",
-                                 "30",
-                                 "-o",
-                                 log(name)};
-    sim.insert(sim.end(), drive.begin(), drive.end());
-    require(runCommand(sim));
-  }
-  static std::string log(const std::string& name) { return *logs_ / (name + ".rawlog"); }
+  static std::string log(const std::string& name) { return DATA "survey/" + name + ".rawlog"; }
 
   [[nodiscard]] std::vector<std::string> mapping(const std::vector<std::string>& logs,
                                                  const std::vector<std::string>& options = {}) const {
@@ -55,7 +32,7 @@ class Survey : public ::testing::Test {
   }
   /** The key poses against the truth of a drive. */
   [[nodiscard]] raceloc::Evaluation errors(const std::string& name) const {
-    return raceloc::evaluate(raceloc::readTrajectoryFile(*logs_ / (name + "_truth.tum")),
+    return raceloc::evaluate(raceloc::readTrajectoryFile(DATA "survey/" + name + "_truth.tum"),
                              raceloc::readTrajectoryFile(out / "keys.tum"), {});
   }
   /** Reads the folder's events until there were `events`; false when the program ends before. */
@@ -78,10 +55,8 @@ class Survey : public ::testing::Test {
     return seen;
   }
 
-  static std::unique_ptr<TemporaryFolder> logs_;
   const TemporaryFolder out;
 };
-std::unique_ptr<TemporaryFolder> Survey::logs_;
 
 /** The project's figures for a key pose, rmse. */
 constexpr double kLateral_m = 0.05, kAlong_m = 0.10, kHeight_m = 0.05;
@@ -171,8 +146,10 @@ TEST_F(Survey, KilledAtAnyMomentItGoesOnAndMakesTheSameMap) {
 }
 
 TEST_F(Survey, ALogWithoutGpsAmongOthersIsNamed) {
-  simulate("blind", {"--laps", "0.2", "--seed", "3"}, "lidar_front imu vehicle");
-  const auto result = runCommand(mapping({log("two_laps"), log("blind")}));
+  require(
+      runCommand({app("raceloc-sim"), "--track", ROOT "/share/tracks/lor.ini", "--car", ini("sim/indy.ini"),
+                  "--devices", "lidar_front imu vehicle", "--laps", "0.2", "-o", out / "blind.rawlog"}));
+  const auto result = runCommand(mapping({log("one_lap"), out / "blind.rawlog"}));
   EXPECT_EQ(result.exit_code, 2);
   EXPECT_THAT(result.err, HasSubstr("blind.rawlog: no GPS"));
 }
