@@ -249,9 +249,10 @@ TEST(GpsSpansProperty, NoiseThatIsOwnedUpToIsPoorButNotRefused) {
   });
 }
 
-/** A fix is off from gps_refuse_sigma times 5.4 cm on: a ramp gets there in 0.9 s, give or take two fixes. */
+/** A fix is off from gps_refuse_sigma times 5.4 cm on, and the map may follow by kMap_m: a ramp is hidden for 1.1 s, give or
+ * take two fixes. */
 constexpr double kRamp_mps = 0.5;
-constexpr int kRampHidden = 9 + 2;
+constexpr int kRampHidden = 11 + 2;
 
 TEST(GpsSpansProperty, ARampThatJumpsBackIsFoundOut) {
   forAll(3, [](Random& rnd) {
