@@ -38,18 +38,27 @@ std::map<std::string, std::vector<Judged>> judged(const std::vector<Keyframe>& k
   return by_receiver;
 }
 
+/** Whether another drive begins after key pose `a`, up to `b`. */
+bool parted(const std::vector<Keyframe>& keyframes, std::size_t a, std::size_t b) {
+  for (std::size_t key = a + 1; key <= b; ++key)
+    if (beginsDrive(keyframes[key])) return true;
+  return false;
+}
+
 /** Spans of the fixes for which `bad` holds. */
 template <class Bad>
-void collect(const std::string& receiver, const std::vector<Judged>& fixes, const GraphOptions& o,
-             bool refused, const Bad& bad, std::vector<GpsSpan>& spans) {
+void collect(const std::string& receiver, const std::vector<Judged>& fixes,
+             const std::vector<Keyframe>& keyframes, const GraphOptions& o, bool refused, const Bad& bad,
+             std::vector<GpsSpan>& spans) {
   for (std::size_t begin = 0; begin < fixes.size();) {
     if (!bad(fixes[begin])) {
       ++begin;
       continue;
     }
     std::size_t end = begin + 1;  // one beyond the last bad fix
-    for (std::size_t i = end;
-         i < fixes.size() && std::abs(fixes[i].stamp_s - fixes[end - 1].stamp_s) <= o.gps_span_gap_s; ++i)
+    for (std::size_t i = end; i < fixes.size() && !parted(keyframes, fixes[i - 1].key, fixes[i].key) &&
+                              fixes[i].stamp_s - fixes[end - 1].stamp_s <= o.gps_span_gap_s;
+         ++i)
       if (bad(fixes[i])) end = i + 1;
     std::vector<double> claimed_m;
     double squared_m2 = 0;
@@ -88,13 +97,6 @@ void keepLongest(std::vector<Link>& links, std::size_t first, std::size_t last) 
   }
 }
 
-/** Whether another drive begins after key pose `a`, up to `b`. */
-bool parted(const std::vector<Keyframe>& keyframes, std::size_t a, std::size_t b) {
-  for (std::size_t key = a + 1; key <= b; ++key)
-    if (beginsDrive(keyframes[key])) return true;
-  return false;
-}
-
 }  // namespace
 
 std::vector<GpsSpan> gpsSpans(const std::vector<Keyframe>& keyframes, const std::vector<Pose>& T_map_body,
@@ -103,9 +105,9 @@ std::vector<GpsSpan> gpsSpans(const std::vector<Keyframe>& keyframes, const std:
   for (const auto& [receiver, fixes] : judged(keyframes, T_map_body, options)) {
     const std::size_t first = spans.size();
     collect(
-        receiver, fixes, options, true, [](const Judged& f) { return f.off; }, spans);
+        receiver, fixes, keyframes, options, true, [](const Judged& f) { return f.off; }, spans);
     collect(
-        receiver, fixes, options, false, [](const Judged& f) { return f.poor && !f.off; }, spans);
+        receiver, fixes, keyframes, options, false, [](const Judged& f) { return f.poor && !f.off; }, spans);
     std::sort(spans.begin() + static_cast<std::ptrdiff_t>(first), spans.end(),
               [](const GpsSpan& a, const GpsSpan& b) {
                 return std::make_pair(a.first, !a.refused) < std::make_pair(b.first, !b.refused);

@@ -26,7 +26,8 @@ struct GpsSpan {
 /** Judges each fix by a solution that its lies have not bent: graphs take fixes with a robust loss, and there are
  * other receivers, wheels, gyro and scans. A fix is off if its distance to the antenna there is beyond
  * gps_refuse_sigma of its floored covariance (of the worst axis); it is poor if it claims more than
- * gps_poor_sigma_m. Spans end where a receiver was good for gps_span_gap_s; single bad fixes are spans too.
+ * gps_poor_sigma_m. Spans end where a receiver was good for gps_span_gap_s,
+ * and with the drive; single bad fixes are spans too.
  * \param T_map_body  one a key pose \return by receiver, then by time */
 [[nodiscard]] std::vector<GpsSpan> gpsSpans(const std::vector<Keyframe>& keyframes,
                                             const std::vector<Pose>& T_map_body, const GraphOptions& options);

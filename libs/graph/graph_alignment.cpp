@@ -36,24 +36,50 @@ Pose weightedAlignment(const std::vector<Eigen::Vector3d>& from, const std::vect
   return T;
 }
 
+std::vector<double> distancesOf(const Pose& T_to_from, const std::vector<Eigen::Vector3d>& from,
+                                const std::vector<Eigen::Vector3d>& to) {
+  std::vector<double> distances_m(from.size());
+  for (std::size_t i = 0; i < from.size(); ++i) distances_m[i] = (T_to_from * from[i] - to[i]).norm();
+  return distances_m;
+}
+
+/** The alignment of all pairs or of a stretch of them, whichever leaves the least median distance: where a stretch of
+ * partners is wrong all the same way, least squares over all pairs turn towards it, and weights do not turn back. */
+Pose leastMedianStart(const std::vector<Eigen::Vector3d>& from, const std::vector<Eigen::Vector3d>& to,
+                      const Eigen::Vector3d& up_from, const Eigen::Vector3d& up_to, double width_m) {
+  const std::size_t n = from.size();
+  std::vector<double> weights(n, 1);
+  Pose best = weightedAlignment(from, to, weights, up_from, up_to, width_m);
+  double least_m = quantile(distancesOf(best, from, to), 0.5);
+  constexpr std::size_t kStretches = 10, kPairs = 3;
+  for (std::size_t k = 0; k < kStretches && n >= kStretches * kPairs; ++k) {
+    for (std::size_t i = 0; i < n; ++i) weights[i] = i * kStretches / n == k ? 1 : 0;
+    const Pose T = weightedAlignment(from, to, weights, up_from, up_to, width_m);
+    const double median_m = quantile(distancesOf(T, from, to), 0.5);
+    if (median_m >= least_m) continue;
+    least_m = median_m;
+    best = T;
+  }
+  return best;
+}
+
 }  // namespace
 
 GraphAlignment alignGraphs(const std::vector<Eigen::Vector3d>& from, const std::vector<Eigen::Vector3d>& to,
                            const Eigen::Vector3d& up_from, const Eigen::Vector3d& up_to, double width_m) {
   if (from.size() != to.size() || from.size() < 2)
     throw std::invalid_argument("alignGraphs: needs 2 or more pairs");
-  std::vector<double> weights(from.size(), 1), distances_m(from.size());
-  GraphAlignment result{Pose::Identity(), 0, 0};
+  GraphAlignment result{leastMedianStart(from, to, up_from, up_to, width_m), 0, 0};
+  std::vector<double> weights(from.size()), distances_m = distancesOf(result.T_to_from, from, to);
   constexpr int kMaxRounds = 100;
   for (int round = 0; round < kMaxRounds; ++round) {
-    const Pose before = result.T_to_from;
-    result.T_to_from = weightedAlignment(from, to, weights, up_from, up_to, width_m);
-    for (std::size_t i = 0; i < from.size(); ++i)
-      distances_m[i] = (result.T_to_from * from[i] - to[i]).norm();
     const double width = std::max(width_m, 2 * quantile(distances_m, 0.5));
     for (std::size_t i = 0; i < from.size(); ++i)
       weights[i] = std::pow(1 / (1 + std::pow(distances_m[i] / width, 2)), 2);
-    if (round > 0 && (before.inverse() * result.T_to_from).isApprox(Pose::Identity(), 1e-9)) break;
+    const Pose before = result.T_to_from;
+    result.T_to_from = weightedAlignment(from, to, weights, up_from, up_to, width_m);
+    distances_m = distancesOf(result.T_to_from, from, to);
+    if ((before.inverse() * result.T_to_from).isApprox(Pose::Identity(), 1e-9)) break;
   }
   double squared_m2 = 0;
   std::size_t inliers = 0;

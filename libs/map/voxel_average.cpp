@@ -34,7 +34,7 @@ void VoxelAverage::add(const Cloud& cloud_map) {
   for (std::size_t i = 0; i < cloud_map.size(); ++i) {
     const Eigen::Vector3d p = cloud_map.point(i).cast<double>();
     const Eigen::Vector3d index = (p / x_voxel_m).array().floor();
-    if (!(index.cwiseAbs().maxCoeff() < kBias)) continue;
+    if (!(index.array().abs() < kBias).all()) continue;  // NaN too: maxCoeff() may overlook one
     Cell& cell = x_cells[keyOf(index)];
     cell.sum_m += (p - x_voxel_m * index).cast<float>();
     ++cell.points;

@@ -43,7 +43,7 @@ class ScanStore {
   void put(std::size_t survey, const std::string& input, std::size_t key, const Cloud& scan) {
     x_store.put(name(survey, key), input, toBytes(scan));
   }
-  void addSurvey(std::size_t survey, std::string input, std::size_t keys) {
+  void addSurvey(std::size_t survey, const std::string& input, std::size_t keys) {
     for (std::size_t key = 0; key < keys; ++key) x_places.push_back({survey, input, key});
   }
   [[nodiscard]] Cloud scan(std::size_t key) const {

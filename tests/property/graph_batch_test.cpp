@@ -21,7 +21,8 @@ std::vector<Factor> oneOfEachKind(Random& rnd, const RobustLoss& loss) {
   const Eigen::Matrix3d W3 = W.topLeftCorner<3, 3>();
   return {PriorFactor{0, rnd.pose(1.5, 10), W, loss}, BetweenFactor{1, 0, rnd.pose(1.5, 10), W, loss},
           PositionFactor{0, rnd.vectorWithin(10), rnd.vectorWithin(2), W3, loss},
-          AttitudeFactor{0, rnd.pose(1.5, 1).linear(), W3, loss}, LevelFactor{0, rnd.uniform(0.1, 2), loss}};
+          AttitudeFactor{0, rnd.pose(1.5, 1).linear(), W3, loss},
+          LevelFactor{0, rnd.vectorWithin(1).normalized(), rnd.uniform(0.1, 2), loss}};
 }
 
 TEST(FactorProperty, JacobiansAreTheNumericOnes) {
@@ -112,7 +113,7 @@ TEST(Optimise, RefusesAPoseThatNothingDetermines) {
 }
 
 TEST(Optimise, RefusesAFactorOfNoPose) {
-  PoseGraph graph{{Pose::Identity()}, {LevelFactor{1, 0.1, {}}}, std::nullopt};
+  PoseGraph graph{{Pose::Identity()}, {LevelFactor{1, Eigen::Vector3d::UnitZ(), 0.1, {}}}, std::nullopt};
   EXPECT_THROW(optimise(graph, {}), std::out_of_range);
 }
 

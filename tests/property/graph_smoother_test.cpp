@@ -145,7 +145,8 @@ TEST(Smoother, RefusesAPoseThatNothingDetermines) {
 
 TEST(Smoother, RefusesAFactorOfNoPoseAndGoesOn) {
   Smoother smoother({}, 0);
-  EXPECT_THROW(smoother.update({Pose::Identity()}, {LevelFactor{3, 0.1, {}}}), std::out_of_range);
+  EXPECT_THROW(smoother.update({Pose::Identity()}, {LevelFactor{3, Eigen::Vector3d::UnitZ(), 0.1, {}}}),
+               std::out_of_range);
   smoother.update({Pose::Identity()}, {});
   EXPECT_EQ(smoother.graph().T_map_body.size(), 1U);
   EXPECT_THROW((void)smoother.marginalCovariance(1), std::out_of_range);

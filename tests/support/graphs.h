@@ -107,13 +107,12 @@ struct CeresAttitude {
 };
 
 struct CeresLevel {
-  double sigma_rad;
+  LevelFactor f;
   template <class S>
   bool operator()(const S* q, S* residual) const {
-    const Eigen::Matrix<S, 3, 1> up =
-        Eigen::Map<const Eigen::Quaternion<S>>(q) * Eigen::Matrix<S, 3, 1>(S(0), S(0), S(1));
-    residual[0] = up.x() / sigma_rad;
-    residual[1] = up.y() / sigma_rad;
+    const Eigen::Matrix<S, 3, 1> up = Eigen::Map<const Eigen::Quaternion<S>>(q) * f.up_body.cast<S>();
+    residual[0] = up.x() / f.sigma_rad;
+    residual[1] = up.y() / f.sigma_rad;
     return true;
   }
 };
@@ -161,7 +160,7 @@ struct AddToCeres {
                              loss(f.loss), q(f.i));
   }
   void operator()(const LevelFactor& f) const {
-    problem.AddResidualBlock(new ceres::AutoDiffCostFunction<CeresLevel, 2, 4>(new CeresLevel{f.sigma_rad}),
+    problem.AddResidualBlock(new ceres::AutoDiffCostFunction<CeresLevel, 2, 4>(new CeresLevel{f}),
                              loss(f.loss), q(f.i));
   }
 };
