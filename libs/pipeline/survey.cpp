@@ -36,6 +36,7 @@ MapperOptions MapperOptions::fromIni(const std::string& path) {
   ini.load("first_lap", options.first_lap);
   ini.load("loops", options.loops);
   ini.load("map", options.map);
+  ini.load("qa", options.qa);
   ini.rejectUnknownSections();
   return options;
 }
@@ -43,7 +44,8 @@ MapperOptions MapperOptions::fromIni(const std::string& path) {
 std::string MapperOptions::iniText() const {
   return matching.iniText() + "\n" + raceloc::iniText("graph", graph) + "\n" +
          raceloc::iniText("track_id", track_id) + "\n" + raceloc::iniText("first_lap", first_lap) + "\n" +
-         raceloc::iniText("loops", loops) + "\n" + raceloc::iniText("map", map);
+         raceloc::iniText("loops", loops) + "\n" + raceloc::iniText("map", map) + "\n" +
+         raceloc::iniText("qa", qa);
 }
 
 namespace {

@@ -11,6 +11,7 @@
 #include "graph/map_graphs.h"
 #include "map/bytes.h"
 #include "pipeline/matching_options.h"
+#include "pipeline/qa_options.h"
 #include "track/driven_line.h"
 #include "track/track_id.h"
 
@@ -36,6 +37,7 @@ struct MapperOptions {
   FirstLapOptions first_lap;
   LoopOptions loops;
   MapOptions map;
+  QaOptions qa;
   /** \throws InputError as IniFile does. */
   static MapperOptions fromIni(const std::string& path);
   [[nodiscard]] std::string iniText() const;  ///< every section with its values: what the map file keeps
