@@ -11,6 +11,7 @@ table { border-collapse: collapse; font-variant-numeric: tabular-nums }
 td, th { padding: .2em .9em .2em 0; text-align: right; border-bottom: 1px solid #ddd; font-weight: normal }
 th { color: #666 } td:first-child, th:first-child { text-align: left }
 table.words td { text-align: left } p.note { color: #666; font-size: .9em; margin: .4em 0 }
+p.pass { border-left: 4px solid #009E73; padding: .3em .8em; background: #ecf7f2 }
 p.warning { border-left: 4px solid #D55E00; padding: .3em .8em; background: #fdf3ec }
 code { font-size: .9em; overflow-wrap: anywhere } svg { width: 100%; height: auto }
 </style>
