@@ -92,7 +92,8 @@ struct QaResult {
 /** Judges a map by what it holds and by how it was made. A map without a full lap fails as "full laps 0 < 1", one without
  * GPS as "GPS fixes 0 < 1"; limits of what it lacks are left out.
  *
- * Lever arm and stamps of a receiver, by weighted least squares over the fixes that were not refused:
+ * Lever arm and stamps of a receiver, by weighted least squares over the fixes that were not refused, to
+ * first order:
  *   z - (p + R l) = R dl + v dt + s,   v = velocity of the antenna, by the key poses before and after,
  * where the shift s stands for what the georeference can take up. So dl shows only where the car turns, and dt apart from
  * dl_x only where its speed changes; what the pose graph has bent itself to is not seen. Sigmas begin at 10 m and 1 s
