@@ -17,7 +17,7 @@ namespace {
 
 template <class... Values>
 std::string format(const char* pattern, Values... values) {
-  char line[256];
+  char line[512];
   std::snprintf(line, sizeof line, pattern, values...);
   return line;
 }
@@ -136,9 +136,12 @@ std::string qaPage(const std::string& title, const BuiltMap& built, const QaResu
   if (report.loops.empty() && report.refused_loops.empty()) {
     body += note("None.");
   } else {
-    body += picture([&] { return loopPicture(qa, report); }) +
-            note(format("%zu kept, %.3f m off the map (median), %zu refused.", report.loops.size(),
-                        report.loop_residual_m, report.refused_loops.size()));
+    body += picture([&] { return loopPicture(qa, report, options.degenerate_loop_sigma_m); }) +
+            note(format("%zu kept, %.3f m off the map (median), %zu refused. A degenerate one has a sigma "
+                        "above %g m in its "
+                        "weakest direction: it may be as far off that way, and has no say there.",
+                        report.loops.size(), report.loop_residual_m, report.refused_loops.size(),
+                        options.degenerate_loop_sigma_m));
     body += heading("Repeated structure") +
             note(format("%zu kept loops fit elsewhere too, and their neighbours decided; %zu were refused as "
                         "ambiguous.",
@@ -167,9 +170,13 @@ std::string qaPage(const std::string& title, const BuiltMap& built, const QaResu
   }
   body += table({"", "stations [m]"}, gaps, true);
 
-  body += heading("Degenerate stretches") +
-          picture([&] { return sigmaPicture(qa, options.degenerate_sigma_m); }) +
-          table({"", "stations [m]"}, {{"degenerate", stretchText(qa.degenerate)}}, true);
+  body +=
+      heading("Degenerate stretches") +
+      picture([&] { return sigmaPicture(qa, options.degenerate_sigma_m); }) +
+      table({"", "stations [m]"},
+            {{format("odometry above %g m", options.degenerate_sigma_m), stretchText(qa.degenerate)},
+             {format("loops above %g m", options.degenerate_loop_sigma_m), stretchText(qa.degenerate_loops)}},
+            true);
 
   body +=
       heading("Made from") + sessionsTable(report) +
@@ -307,6 +314,7 @@ std::string qaJson(const BuiltMap& built, const QaResult& qa) {
   json["without_road"] = stretches(qa.without_road);
   json["without_wall"] = stretches(qa.without_wall);
   json["degenerate"] = stretches(qa.degenerate);
+  json["degenerate_loops"] = stretches(qa.degenerate_loops);
   json["stations"] = ordered_json::array();
   for (const StationQa& s : qa.stations) {
     ordered_json entry{{"station_m", rounded(s.station_m)},

@@ -69,14 +69,16 @@ Grid gridOf(const TiledMap& tiles, const Eigen::AlignedBox2d& box) {
   return grid;
 }
 
-/** Panels below each other with one axis of stations. */
+/** Panels below each other with one axis of stations, each with its key above it. */
 std::string panels(const std::string& name, int count, int panel_px, const QaResult& qa) {
-  const double top = 14.0 / (count * panel_px + 60), bottom = 46.0 / (count * panel_px + 60);
-  return svgTerminal(name, count * panel_px + 60) + "set multiplot layout " + std::to_string(count) +
-         ",1 margins 0.13,0.98," + number(bottom) + "," + number(1 - top) + " spacing " +
-         number(22.0 / (count * panel_px + 60)) +
+  constexpr int kTop_px = 26, kBottom_px = 56;
+  const int height_px = count * panel_px + kTop_px + kBottom_px;
+  const auto share = [&](int px) { return number(static_cast<double>(px) / height_px); };
+  return svgTerminal(name, height_px) + "set multiplot layout " + std::to_string(count) +
+         ",1 margins 0.13,0.98," + share(kBottom_px) + "," + share(height_px - kTop_px) + " spacing " +
+         share(kTop_px) +
          "\nset xrange [0:" + number(qa.spacing_m * static_cast<double>(qa.stations.size())) +
-         "]\nset key top right Left reverse samplen 2 opaque\nset format x ''\n";
+         "]\nset key at graph 1,1 right bottom horizontal Left reverse samplen 2\nset format x ''\n";
 }
 std::string lastPanel(const QaResult& qa) {
   return std::string("set format x '%.10g'\nset xlabel '") +
@@ -155,7 +157,7 @@ std::string mapPicture(const BuiltMap& built) {
       std::clamp(static_cast<int>(kPicture_px * 0.86 * box.sizes().y() / box.sizes().x()) + 130, 360, 900);
   script +=
       svgTerminal("map", height_px) +
-      "set size ratio -1\nunset grid\nunset colorbox\nset palette defined (0 'white', 1 '#8A8A8A')\n"
+      "set size ratio -1\nunset grid\nunset colorbox\nset palette defined (0 'white', 1 '#6A6A6A')\n"
       "set xlabel 'east [m]'\nset ylabel 'north [m]'\nset key outside top center horizontal Left reverse "
       "samplen 2\nset xrange [" +
       number(box.min().x()) + ":" + number(box.max().x()) + "]\nset yrange [" + number(box.min().y()) + ":" +
@@ -182,15 +184,22 @@ std::string fixPicture(const QaResult& qa) {
   return gnuplot(script + "unset multiplot\n");
 }
 
-std::string loopPicture(const QaResult& qa, const MapReport& report) {
+std::string loopPicture(const QaResult& qa, const MapReport& report, double degenerate_loop_sigma_m) {
+  struct Kind {
+    bool rivals, weak;
+    std::string style;
+  };
   Curves residuals;
-  for (const bool rivals : {false, true}) {
+  for (const Kind& kind :
+       {Kind{false, false, "pt 7 ps 0.5" + colour(kBlue) + "title 'kept'"},
+        Kind{false, true, "pt 6 ps 0.5" + colour(kSky) + "title 'kept, degenerate'"},
+        Kind{true, false, "pt 7 ps 0.5" + colour(kOrange) + "title 'kept, fits elsewhere too'"},
+        Kind{true, true, "pt 6 ps 0.5" + colour(kOrange) + "title 'both'"}}) {
     for (const LoopResidual& loop : qa.loops)
-      if ((loop.rivals > 0) == rivals && loop.station_m)
+      if ((loop.rivals > 0) == kind.rivals && (loop.weakest.sigma_m > degenerate_loop_sigma_m) == kind.weak &&
+          loop.station_m)
         residuals.row(*loop.station_m, std::max(loop.off_m, 0.001));
-    residuals.curve(rivals
-                        ? "with points pt 6 ps 0.7 lw 1.5" + colour(kOrange) + "title 'kept, others fit too'"
-                        : "with points pt 7 ps 0.5" + colour(kBlue) + "title 'kept'");
+    residuals.curve("with points " + kind.style);
   }
   residuals.also("NaN notitle");
   const std::pair<LoopRefusal, const char*> reasons[] = {{LoopRefusal::ambiguous, "ambiguous"},

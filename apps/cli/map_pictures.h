@@ -15,7 +15,8 @@ namespace raceloc {
 /** \name Over the station: distance of the fixes of each receiver from the map; distance of the loops from it, those
  * refused and why; sigma of matches; passes, road and walls. @{ */
 [[nodiscard]] std::string fixPicture(const QaResult& qa);
-[[nodiscard]] std::string loopPicture(const QaResult& qa, const MapReport& report);
+[[nodiscard]] std::string loopPicture(const QaResult& qa, const MapReport& report,
+                                      double degenerate_loop_sigma_m);
 [[nodiscard]] std::string sigmaPicture(const QaResult& qa, double degenerate_sigma_m);
 [[nodiscard]] std::string coveragePicture(const QaResult& qa);
 /** @} */

@@ -124,6 +124,22 @@ std::vector<Stretch> stretches(const std::vector<StationQa>& stations, double sp
   return found;
 }
 
+/** Loops in a row along the line that are weak in a direction. */
+std::vector<Stretch> degenerateLoops(const std::vector<LoopResidual>& loops, double degenerate_sigma_m) {
+  std::vector<std::pair<double, bool>> by_station;
+  for (const LoopResidual& loop : loops)
+    if (loop.station_m) by_station.emplace_back(*loop.station_m, loop.weakest.sigma_m > degenerate_sigma_m);
+  std::sort(by_station.begin(), by_station.end());
+  std::vector<Stretch> found;
+  bool before = false;
+  for (const auto& [station_m, now] : by_station) {
+    if (now && !before) found.push_back({station_m, 0});
+    if (now) found.back().end_m = station_m;
+    before = now;
+  }
+  return found;
+}
+
 template <class Holds>
 double share(const std::vector<StationQa>& stations, const Holds& holds) {
   return static_cast<double>(std::count_if(stations.begin(), stations.end(), holds)) /
@@ -329,6 +345,7 @@ QaResult qaOf(const MapContent& content, const MapReport& report, const QaOption
 
   judgeFixes(content, s, options, qa);
   judgeLoops(content, report, s, qa);
+  qa.degenerate_loops = degenerateLoops(qa.loops, options.degenerate_loop_sigma_m);
   decide(report, options, qa);
   return qa;
 }

@@ -82,6 +82,7 @@ struct QaResult {
   std::size_t loops_ambiguous;                            ///< refused, for the place repeats itself
   std::size_t loops_with_rivals;                          ///< kept, by their neighbours' word
   std::vector<Stretch> unpassed, without_road, without_wall, degenerate;
+  std::vector<Stretch> degenerate_loops;            ///< from the first to the last of such loops in a row
   double road_share, wall_share, degenerate_share;  ///< of the stations
   std::vector<QaCheck> checks;
   [[nodiscard]] bool passed() const;

@@ -22,6 +22,8 @@ void QaOptions::describe(OptionList& keys) {
       "a station is degenerate above: sigma of the odometry between two key poses, weakest direction [m]");
   keys.add("max_degenerate_share", max_degenerate_share, between(0, 1),
            "a map fails above: share of degenerate stations");
+  keys.add("degenerate_loop_sigma_m", degenerate_loop_sigma_m, above(0),
+           "a loop is degenerate above: its sigma, weakest direction; such loops are listed [m]");
   keys.add("max_lever_error_m", max_lever_error_m, above(0),
            "a map fails above: error of a lever arm, as the residuals of its receiver have it [m]");
   keys.add("max_lever_sigma_m", max_lever_sigma_m, above(0),

@@ -16,10 +16,11 @@ struct QaOptions {
   double min_wall_share = 0.5;
   double degenerate_sigma_m = 0.1;
   double max_degenerate_share = 0.1;
+  double degenerate_loop_sigma_m = 0.5;
   double max_lever_error_m = 0.1;
-  double max_lever_sigma_m = 0.02;
+  double max_lever_sigma_m = 0.03;
   double max_time_offset_s = 0.01;
-  double max_time_sigma_s = 0.002;
+  double max_time_sigma_s = 0.003;
   void describe(OptionList& keys);
 };
 

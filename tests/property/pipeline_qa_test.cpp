@@ -207,6 +207,18 @@ TEST(MapQa, AWrongLeverArmAndWrongStampsFailByReceiver) {
               HasSubstr("FAIL: gps_a time offset 0.0"));
 }
 
+TEST(MapQa, LoopsThatAreWeakInADirectionAreListedByStation) {
+  Random rnd(1);
+  GoodMap map(rnd);
+  EXPECT_TRUE(map.qa().degenerate_loops.empty());
+  map.report.loops[0].covariance(3, 3) = 4;
+  const QaResult qa = map.qa();
+  ASSERT_EQ(qa.degenerate_loops.size(), 1U);
+  EXPECT_EQ(qa.degenerate_loops[0].begin_m, *qa.loops[0].station_m);
+  EXPECT_EQ(qa.loops[0].weakest.axis, 'x');
+  EXPECT_TRUE(qa.passed());
+}
+
 TEST(MapQa, AMapWithoutALapHasStationsOfTheDrive) {
   Random rnd(1);
   MapContent content{{GeodeticPoint{48, 8, 100}, 32, 0.2, "test", "", {"survey"}}, driven(onStraight, 20)};
