@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "cli/app.h"
+#include "cli/map_page.h"
 #include "cli/odometry_text.h"
 #include "core/errors.h"
 #include "map/map_file.h"
@@ -29,9 +30,9 @@ SYNOPSIS
 DESCRIPTION
   Reads a survey log, de-skews each LiDAR sweep by the car's motion, merges those of several LiDARs,
   registers them (VGICP) against the map so far, ties the key poses to the GPS in a pose graph, and
-  writes the map: one SQLite file, and beside it MAP.simplemap (robot-map-gui) and MAP.3Dscene
-  (SceneViewer3D). Files appear under their names when they are whole; an interrupted run leaves what
-  was there before.
+  writes the map: one SQLite file, and beside it MAP.html and MAP.json (how good it is, and a verdict by
+  the limits in section [qa]), MAP.simplemap (robot-map-gui) and MAP.3Dscene (SceneViewer3D). Files
+  appear under their names when they are whole; an interrupted run leaves what was there before.
 
 EXAMPLES
   raceloc-map -c ini/map.ini -o monza.rlmap survey.rawlog
@@ -41,7 +42,8 @@ EXAMPLES
   raceloc-map export --help                  PLY, PCD, TUM, GeoJSON, KML, g2o and MRPT's own
 
 EXIT STATUS
-  0 the map was written; 2 an input is missing or wrong (one line says which); 1 a fault of raceloc.
+  0 the map was written, whatever the verdict; 2 an input is missing or wrong (one line says which);
+  1 a fault of raceloc.
 )";
 
 std::string besides(const std::string& map_path, const std::string& extension) {
@@ -158,7 +160,8 @@ void build(const BuildArgs& args) {
     throw InputError("output " + args.map_path + ": a map's name ends in .rlmap");
   // An output that cannot be written is told before the work, not after.
   std::vector<std::unique_ptr<OutputFile>> probes;
-  for (const auto& path : {args.map_path, args.odometry_path, args.trajectory_path})
+  for (const auto& path : {args.map_path, besides(args.map_path, ".html"), besides(args.map_path, ".json"),
+                           args.odometry_path, args.trajectory_path})
     if (!path.empty()) probes.push_back(std::make_unique<OutputFile>(path));
 
   const auto start = std::chrono::steady_clock::now();
@@ -182,7 +185,13 @@ void build(const BuildArgs& args) {
     writeTum(args.trajectory_path, trajectory);
   }
 
+  const QaResult qa = qaOf(built->content, built->report, options.qa);
+  writeTextFile(besides(args.map_path, ".html"),
+                qaPage(std::filesystem::path(args.map_path).stem().string(), *built, qa, options.qa));
+  writeTextFile(besides(args.map_path, ".json"), qaJson(*built, qa));
+
   print(built->report, built->content.info);
+  std::printf("verdict          %s\n", verdict(qa).c_str());
   const double wall_s = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
   double recorded_s = 0;
   for (const SessionReport& session : built->report.sessions) recorded_s += session.recorded_s;

@@ -2,38 +2,16 @@
 
 #include <algorithm>
 #include <cmath>
-#include <cstdio>
 #include <vector>
 
 #include "eval/gnuplot.h"
+#include "eval/plot_script.h"
 
 namespace raceloc {
 
 namespace {
 
 constexpr std::size_t kBins = 1000;  // of a curve; up to two points each
-constexpr int kWidth_px = 900;
-
-// Okabe and Ito's colours, told apart by the colour-blind too.
-constexpr char kBlue[] = "#0072B2";
-constexpr char kGreen[] = "#009E73";
-constexpr char kVermillion[] = "#D55E00";
-constexpr char kGrey[] = "#CFCFCF";
-
-std::string number(double value) {
-  char text[32];
-  std::snprintf(text, sizeof text, "%.10g", value);
-  return text;
-}
-
-/** `name` tells the ids of one picture from those of another in the same page. */
-std::string terminal(const std::string& name, int height_px) {
-  return "set terminal svg size " + std::to_string(kWidth_px) + "," + std::to_string(height_px) + " name '" +
-         name +
-         "' font 'DejaVu Sans,Arial,sans-serif' fontscale 0.95 background 'white' noenhanced\n"
-         "set border lc rgb '#606060'\nset tics nomirror\nset grid lc rgb '#E0E0E0' lt 1 lw 0.7\n"
-         "set format '%.10g'\n";
-}
 
 /** Which samples a curve of at most 2 * kBins points needs: the lowest and the highest of each bin, and both
  * ends. */
@@ -133,11 +111,11 @@ std::string trajectoryPicture(const Evaluation& evaluation) {
   // Equal axes: the height follows the shape of the track, within what a page can show.
   const Eigen::Vector2d size_m = box.sizes().cwiseMax(1.0);
   const int height_px =
-      std::clamp(static_cast<int>(kWidth_px * 0.8 * size_m.y() / size_m.x()) + 120, 320, 900);
+      std::clamp(static_cast<int>(kPicture_px * 0.8 * size_m.y() / size_m.x()) + 120, 320, 900);
   const Eigen::Vector2d margin_m = Eigen::Vector2d::Constant(0.05 * size_m.maxCoeff());
   const Eigen::Vector2d low_m = box.min() - margin_m;
   const Eigen::Vector2d high_m = box.max() + margin_m;
-  script += terminal("trajectory", height_px);
+  script += svgTerminal("trajectory", height_px);
   script += "set size ratio -1\nset xrange [" + number(low_m.x()) + ":" + number(high_m.x()) +
             "]\nset yrange [" + number(low_m.y()) + ":" + number(high_m.y()) + "]\n";
   script += std::string("set palette defined (0 '") + kBlue + "', 0.5 '#B07AA1', 1 '" + kVermillion + "')\n" +
@@ -162,7 +140,7 @@ std::string errorPicture(const Evaluation& evaluation) {
                           {"height [m]", &PoseError::height_m, kGreen},
                           {"heading [deg]", &PoseError::heading_deg, "black"}};
   std::string script =
-      terminal("errors", 760) + "set xrange [0:" + number(std::max(evaluation.coveredTruth_s(), 1e-3)) +
+      svgTerminal("errors", 760) + "set xrange [0:" + number(std::max(evaluation.coveredTruth_s(), 1e-3)) +
       "]\nset multiplot layout 4,1 margins 0.10,0.98,0.07,0.98 spacing 0.03\n"
       "set xzeroaxis lt 1 lc rgb '#606060' lw 0.8\nunset key\nset format x ''\nset yrange [*<-0.01:0.01<*]\n";
   for (const Panel& panel : panels) {
@@ -202,7 +180,7 @@ std::string distributionPicture(const Evaluation& evaluation) {
     plots += (plots.empty() ? "plot " : ", ") + block + " using 1:2 with steps lw 1.5 dt " +
              std::to_string(curve.dash) + " lc rgb '" + curve.colour + "' title '" + curve.name + "'";
   }
-  script += terminal("distribution", 400);
+  script += svgTerminal("distribution", 400);
   script +=
       "set xrange [0:*]\nset yrange [0:100]\nset ytics (0, 25, 50, 75, 95, 100)\n"
       "set xlabel 'size of the error [m]'\nset ylabel 'poses below [%]'\nset key bottom right Left reverse "

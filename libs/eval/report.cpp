@@ -4,6 +4,7 @@
 #include <nlohmann/json.hpp>
 #include <vector>
 
+#include "eval/html.h"
 #include "eval/plots.h"
 
 namespace raceloc {
@@ -66,50 +67,10 @@ std::string alignedText(const Evaluation& e) {
                 t_m.z(), Eigen::AngleAxisd(e.T_map_estimate_frame.linear()).angle() * 180 / M_PI);
 }
 
-std::string escaped(const std::string& text) {
-  std::string safe;
-  for (const char c : text) {
-    if (c == '&') {
-      safe += "&amp;";
-    } else if (c == '<') {
-      safe += "&lt;";
-    } else if (c == '>') {
-      safe += "&gt;";
-    } else {
-      safe += c;
-    }
-  }
-  return safe;
-}
-
-std::string htmlRow(const char* tag, const std::vector<std::string>& cells) {
-  std::string row = "<tr>";
-  for (const auto& cell : cells) row += std::string("<") + tag + ">" + escaped(cell) + "</" + tag + ">";
-  return row + "</tr>\n";
-}
-
 std::string htmlInput(const char* role, const TrajectoryFile& file) {
   return htmlRow("td", {role, file.path, size(file.trajectory),
                         format("%.1f kB", static_cast<double>(file.bytes) / 1000)});
 }
-
-/** What of an SVG file may stand inside a page. */
-std::string inlined(const std::string& svg) {
-  const auto start = svg.find("<svg");
-  return start == std::string::npos ? svg : svg.substr(start);
-}
-
-constexpr char kStyle[] = R"(<style>
-body { font: 15px/1.45 "DejaVu Sans", Arial, sans-serif; color: #222; max-width: 920px; margin: 2em auto; padding: 0 1em }
-h1 { font-size: 1.5em } h2 { font-size: 1.1em; margin: 1.8em 0 .4em }
-table { border-collapse: collapse; font-variant-numeric: tabular-nums }
-td, th { padding: .2em .9em .2em 0; text-align: right; border-bottom: 1px solid #ddd; font-weight: normal }
-th { color: #666 } td:first-child, th:first-child { text-align: left }
-table.words td { text-align: left } p.note { color: #666; font-size: .9em; margin: .4em 0 }
-p.warning { border-left: 4px solid #D55E00; padding: .3em .8em; background: #fdf3ec }
-code { font-size: .9em; overflow-wrap: anywhere } svg { width: 100%; height: auto }
-</style>
-)";
 
 }  // namespace
 
@@ -143,11 +104,7 @@ std::string textReport(const Evaluation& e) {
 }
 
 std::string htmlReport(const Evaluation& e, const std::string& command) {
-  std::string page =
-      "<!DOCTYPE html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\">\n<title>Trajectory "
-      "errors</title>\n";
-  page += kStyle;
-  page += "</head>\n<body>\n<h1>Trajectory errors</h1>\n";
+  std::string page;
   for (const auto& warning : e.warnings) page += "<p class=\"warning\">" + escaped(warning) + "</p>\n";
   page += "<table class=\"words\">\n" + htmlRow("td", {"matched", matchedText(e)}) +
           htmlRow("td", {"path", pathText(e)}) + htmlRow("td", {"aligned", alignedText(e)}) + "</table>\n";
@@ -173,13 +130,13 @@ std::string htmlReport(const Evaluation& e, const std::string& command) {
     page += "</table>\n";
   }
 
-  page += "<h2>Seen from above</h2>\n" + inlined(trajectoryPicture(e));
-  page += "<h2>Errors over time</h2>\n" + inlined(errorPicture(e));
-  page += "<h2>Share of the poses below an error</h2>\n" + inlined(distributionPicture(e));
+  page += "<h2>Seen from above</h2>\n" + inlinedSvg(trajectoryPicture(e));
+  page += "<h2>Errors over time</h2>\n" + inlinedSvg(errorPicture(e));
+  page += "<h2>Share of the poses below an error</h2>\n" + inlinedSvg(distributionPicture(e));
 
   page += "<h2>Made from</h2>\n<table class=\"words\">\n" + htmlInput("truth", e.truth) +
           htmlInput("estimate", e.estimate) + "</table>\n<p><code>" + escaped(command) + "</code></p>\n";
-  return page + "</body>\n</html>\n";
+  return htmlPage("Trajectory errors", page);
 }
 
 std::string errorsCsv(const Evaluation& e) {

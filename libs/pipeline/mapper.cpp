@@ -32,9 +32,6 @@ std::string identityOf(const std::string& path) {
          std::to_string(written);
 }
 
-/** About the middle of a car's LiDARs, in the body: scans of several are one cloud. */
-const Eigen::Vector3d kEyes_m(1.5, 0, 0.8);
-
 /** The scans of all key poses, on the disk. */
 class ScanStore {
  public:
@@ -351,16 +348,18 @@ BuiltMap buildMap(const std::vector<std::string>& log_paths, const std::string& 
   StaticVoxels still(options.static_points);
   const auto forEachScan = [&](const char* stage, const auto& take) {
     for (std::size_t key = 0; key < keys; ++key) {
-      take(scans.scan(key), T_map_body[key]);
+      take(key, scans.scan(key), T_map_body[key]);
       progress(stage, static_cast<double>(key + 1) / static_cast<double>(keys));
     }
   };
-  forEachScan("moving objects", [&](const Cloud& scan, const Pose& T) { still.mark(scan, T); });
-  forEachScan("moving objects", [&](const Cloud& scan, const Pose& T) { still.count(scan, T, kEyes_m); });
+  forEachScan("moving objects", [&](std::size_t, const Cloud& scan, const Pose& T) { still.mark(scan, T); });
+  forEachScan("moving objects", [&](std::size_t key, const Cloud& scan, const Pose& T) {
+    still.count(scan, T, drives.surveys[static_cast<std::size_t>(drives.session_of[key])].p_body_eyes_m);
+  });
   VoxelAverage average(options.map.point_spacing_m);
   WallSharpness sharpness;
   std::size_t seen = 0, moving = 0;
-  forEachScan("points", [&](const Cloud& whole, const Pose& T) {
+  forEachScan("points", [&](std::size_t, const Cloud& whole, const Pose& T) {
     const Cloud scan = transformed(still.staticPart(whole, T), T);
     seen += whole.size();
     moving += whole.size() - scan.size();

@@ -37,6 +37,7 @@ MapperOptions MapperOptions::fromIni(const std::string& path) {
   ini.load("loops", options.loops);
   ini.load("static", options.static_points);
   ini.load("map", options.map);
+  ini.load("qa", options.qa);
   ini.rejectUnknownSections();
   return options;
 }
@@ -45,7 +46,7 @@ std::string MapperOptions::iniText() const {
   return matching.iniText() + "\n" + raceloc::iniText("graph", graph) + "\n" +
          raceloc::iniText("track_id", track_id) + "\n" + raceloc::iniText("first_lap", first_lap) + "\n" +
          raceloc::iniText("loops", loops) + "\n" + raceloc::iniText("static", static_points) + "\n" +
-         raceloc::iniText("map", map);
+         raceloc::iniText("map", map) + "\n" + raceloc::iniText("qa", qa);
 }
 
 namespace {
@@ -107,6 +108,8 @@ class Surveyor {
   void add(Sample sample) {
     if (const auto* fix = std::get_if<GpsFix>(&sample)) x_receivers[fix->label].fixes.push_back(*fix);
     if (const auto* pose = std::get_if<InsPose>(&sample)) x_receivers[pose->label].poses.push_back(*pose);
+    if (const auto* scan = std::get_if<Scan>(&sample))
+      x_places_m[scan->label] = scan->T_body_lidar.translation();
     for (const OdometryStep& step : x_stream.add(std::move(sample))) take(step);
   }
   void finish() {
@@ -119,6 +122,11 @@ class Surveyor {
       }
   }
   [[nodiscard]] const OdometryTally& tally() const { return x_stream.tally(); }
+  [[nodiscard]] Eigen::Vector3d eyes_m() const {
+    Eigen::Vector3d sum = Eigen::Vector3d::Zero();
+    for (const auto& place : x_places_m) sum += place.second;
+    return sum / static_cast<double>(x_places_m.size());
+  }
   [[nodiscard]] bool heardGps() const {
     return std::any_of(x_receivers.begin(), x_receivers.end(),
                        [](const auto& receiver) { return !receiver.second.fixes.empty(); });
@@ -163,6 +171,7 @@ class Surveyor {
   const std::function<void(std::size_t, const Cloud&)>& x_keep;
   OdometryStream x_stream;
   std::map<std::string, ReceiverTrack> x_receivers;
+  std::map<std::string, Eigen::Vector3d> x_places_m;  ///< of the LiDARs
   BodyMotion x_since_key;
   std::optional<BodyMotion> x_reckoned = BodyMotion{};
 };
@@ -212,6 +221,7 @@ Survey surveyOf(const std::string& log_path, const std::optional<GeodeticPoint>&
   return {std::filesystem::path(log_path).filename().string(),
           has_gps ? reader.origin() : std::nullopt,
           summary.last_s - summary.first_s,
+          surveyor.eyes_m(),
           std::move(surveyor.keyframes),
           std::move(surveyor.odometry),
           surveyor.tally(),
@@ -253,6 +263,7 @@ Bytes toBytes(const Survey& survey) {
          {survey.origin->latitude_deg, survey.origin->longitude_deg, survey.origin->height_m})
       append(bytes, number);
   append(bytes, survey.recorded_s);
+  append(bytes, survey.p_body_eyes_m);
   append(bytes, U64{survey.keyframes.size()});
   for (const Keyframe& k : survey.keyframes) {
     append(bytes, k.stamp_s);
@@ -308,6 +319,7 @@ Survey surveyFrom(const Bytes& bytes) {
     survey.origin->height_m = in.number<double>();
   }
   survey.recorded_s = in.number<double>();
+  survey.p_body_eyes_m = in.matrix<Eigen::Vector3d>();
   for (auto left = in.number<U64>(); left > 0; --left) {
     Keyframe& k = survey.keyframes.emplace_back();
     k.stamp_s = in.number<double>();

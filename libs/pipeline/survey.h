@@ -12,6 +12,7 @@
 #include "map/bytes.h"
 #include "map/static_points.h"
 #include "pipeline/matching_options.h"
+#include "pipeline/qa_options.h"
 #include "track/driven_line.h"
 #include "track/track_id.h"
 
@@ -38,6 +39,7 @@ struct MapperOptions {
   LoopOptions loops;
   StaticOptions static_points;
   MapOptions map;
+  QaOptions qa;
   /** \throws InputError as IniFile does. */
   static MapperOptions fromIni(const std::string& path);
   [[nodiscard]] std::string iniText() const;  ///< every section with its values: what the map file keeps
@@ -48,6 +50,7 @@ struct Survey {
   std::string session;  ///< name of the log's file
   std::optional<GeodeticPoint> origin;
   double recorded_s;
+  Eigen::Vector3d p_body_eyes_m;  ///< the middle of the LiDARs: key scans are theirs together
   std::vector<Keyframe> keyframes;
   Trajectory odometry;  ///< all scans, first pose at the origin of its own frame
   OdometryTally tally;

@@ -96,4 +96,18 @@ TEST(SyntheticDrive, ReportIsOnePageWithPictures) {
   EXPECT_THAT(readFile(out / "picture.svg"), HasSubstr("<svg"));
 }
 
+TEST(SyntheticDrive, TheMapHasAPageAndFiguresWithTheSameVerdict) {
+  const auto figures = nlohmann::json::parse(readFile(kDrive.folder + "map.json"));
+  EXPECT_FALSE(figures.at("passed"));
+  EXPECT_THAT(figures.at("verdict"), HasSubstr("full laps 0 < 1"));  // a street, driven once
+  EXPECT_EQ(figures.at("receivers").at(0).at("receiver"), "gps_oxts");
+  EXPECT_FALSE(figures.at("receivers").at(0).at("time_offset").at("observable"));
+  const auto page = readFile(kDrive.folder + "map.html");
+  EXPECT_THAT(page, HasSubstr("full laps 0 &lt; 1"));
+  EXPECT_THAT(page, HasSubstr("<svg"));
+  for (const std::string outside :
+       {"<script", "<link", "src=", "@import", "url(http", "href=\"http", "href='http"})
+    EXPECT_THAT(page, Not(HasSubstr(outside)));
+}
+
 }  // namespace

@@ -30,6 +30,7 @@ Survey randomSurvey(Random& rnd) {
   survey.session = word(rnd);
   if (coin(rnd)) survey.origin = GeodeticPoint{rnd.uniform(-90, 90), rnd.uniform(-180, 180), rnd.normal(100)};
   survey.recorded_s = rnd.uniform(0, 1e4);
+  survey.p_body_eyes_m = rnd.vectorWithin(2);
   for (int left = rnd.oneOf({0, 1, 6}); left > 0; --left) {
     Keyframe& k =
         survey.keyframes.emplace_back(Keyframe{1.7e9 + rnd.normal(), rnd.pose(3, 500), motion(rnd)});
@@ -92,6 +93,7 @@ void expectSame(const Survey& a, const Survey& b) {
     EXPECT_EQ(a.origin->height_m, b.origin->height_m);
   }
   EXPECT_EQ(a.recorded_s, b.recorded_s);
+  EXPECT_EQ(a.p_body_eyes_m, b.p_body_eyes_m);
   ASSERT_EQ(a.keyframes.size(), b.keyframes.size());
   for (std::size_t i = 0; i < a.keyframes.size(); ++i) expectSame(a.keyframes[i], b.keyframes[i]);
   ASSERT_EQ(a.odometry.poses.size(), b.odometry.poses.size());
