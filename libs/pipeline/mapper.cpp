@@ -110,7 +110,7 @@ Drives survey(const std::vector<std::string>& logs, StageStore& store, ScanStore
 std::vector<Eigen::Vector3d> positionsOf(const std::vector<Pose>& poses) {
   std::vector<Eigen::Vector3d> positions;
   positions.reserve(poses.size());
-  for (const Pose& T : poses) positions.push_back(T.translation());
+  for (const Pose& T : poses) positions.emplace_back(T.translation());
   return positions;
 }
 
