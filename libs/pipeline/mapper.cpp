@@ -134,7 +134,7 @@ void requireOnePlace(const Drives& drives, const std::vector<Pose>& T_map_body,
 std::vector<Eigen::Vector3d> positionsOf(const std::vector<Pose>& poses) {
   std::vector<Eigen::Vector3d> positions;
   positions.reserve(poses.size());
-  for (const Pose& T : poses) positions.push_back(T.translation());
+  for (const Pose& T : poses) positions.emplace_back(T.translation());
   return positions;
 }
 

@@ -267,7 +267,7 @@ TEST(GpsSpansProperty, ARampThatJumpsBackIsFoundOut) {
 }
 
 TEST(GpsSpansProperty, ARampThatComesBackIsFoundOut) {
-  forAll(3, [](Random& rnd) {
+  forAll(2, [](Random& rnd) {
     Drive d = drive(rnd, kKeys);
     const Lie lie = lieOf(rnd, d, rnd.uniform(8, 30));
     const Eigen::Vector3d direction = aside(rnd, 1, 1);
