@@ -163,7 +163,7 @@ std::string qaPage(const std::string& title, const BuiltMap& built, const QaResu
 
   body += heading("Overlap and gaps") + picture([&] { return coveragePicture(qa); });
   std::vector<std::vector<std::string>> gaps{
-      {format("fewer than %d passes", options.min_passes), stretchText(qa.unpassed)}};
+      {format("passes below %d", options.min_passes), stretchText(qa.unpassed)}};
   if (qa.on_lap) {
     gaps.push_back({"no road", stretchText(qa.without_road)});
     gaps.push_back({"no wall", stretchText(qa.without_wall)});
