@@ -46,6 +46,10 @@ struct Grid {
   double cell_m;
   int columns, rows;
   std::vector<int> counts;
+  [[nodiscard]] std::size_t index(int column, int row) const {
+    return static_cast<std::size_t>(row) * static_cast<std::size_t>(columns) +
+           static_cast<std::size_t>(column);
+  }
 };
 
 Grid gridOf(const TiledMap& tiles, const Eigen::AlignedBox2d& box) {
@@ -55,7 +59,7 @@ Grid gridOf(const TiledMap& tiles, const Eigen::AlignedBox2d& box) {
             static_cast<int>(std::ceil(box.sizes().x() / cell_m)),
             static_cast<int>(std::ceil(box.sizes().y() / cell_m)),
             {}};
-  grid.counts.resize(static_cast<std::size_t>(grid.columns * grid.rows));
+  grid.counts.resize(grid.index(0, grid.rows));
   for (const auto& entry : tiles.tiles()) {
     const Tile& tile = entry.second;
     const Eigen::Vector2d corner_m = tileCorner(tile, tiles.tileSize()).head<2>();
@@ -63,7 +67,7 @@ Grid gridOf(const TiledMap& tiles, const Eigen::AlignedBox2d& box) {
       const Eigen::Vector2d p_m = corner_m + tile.cloud.point(i).head<2>().cast<double>();
       const Eigen::Vector2i at = ((p_m - box.min()) / cell_m).array().floor().matrix().cast<int>();
       if (at.x() >= 0 && at.x() < grid.columns && at.y() >= 0 && at.y() < grid.rows)
-        ++grid.counts[static_cast<std::size_t>(at.y() * grid.columns + at.x())];
+        ++grid.counts[grid.index(at.x(), at.y())];
     }
   }
   return grid;
@@ -78,7 +82,8 @@ std::string panels(const std::string& name, int count, int panel_px, const QaRes
          ",1 margins 0.13,0.98," + share(kBottom_px) + "," + share(height_px - kTop_px) + " spacing " +
          share(kTop_px) +
          "\nset xrange [0:" + number(qa.spacing_m * static_cast<double>(qa.stations.size())) +
-         "]\nset key at graph 1,1 right bottom horizontal Left reverse samplen 2\nset format x ''\n";
+         "]\nset key at graph 1,1 right bottom horizontal maxrows 1 Left reverse samplen 2\nset format x "
+         "''\n";
 }
 std::string lastPanel(const QaResult& qa) {
   return std::string("set format x '%.10g'\nset xlabel '") +
@@ -108,7 +113,7 @@ std::string mapPicture(const BuiltMap& built) {
   std::string script = "$points << EOD\n";
   for (int row = 0; row < grid.rows; ++row) {
     for (int column = 0; column < grid.columns; ++column) {
-      const int count = grid.counts[static_cast<std::size_t>(row * grid.columns + column)];
+      const int count = grid.counts[grid.index(column, row)];
       script += (column > 0 ? " " : "") + number(std::round(100 * std::log1p(count)) / 100);
     }
     script += "\n";
