@@ -75,7 +75,7 @@ Grid gridOf(const TiledMap& tiles, const Eigen::AlignedBox2d& box) {
 
 /** Panels below each other with one axis of stations, each with its key above it. */
 std::string panels(const std::string& name, int count, int panel_px, const QaResult& qa) {
-  constexpr int kTop_px = 26, kBottom_px = 56;
+  constexpr int kTop_px = 42, kBottom_px = 56;
   const int height_px = count * panel_px + kTop_px + kBottom_px;
   const auto share = [&](int px) { return number(static_cast<double>(px) / height_px); };
   return svgTerminal(name, height_px) + "set multiplot layout " + std::to_string(count) +
@@ -195,11 +195,10 @@ std::string loopPicture(const QaResult& qa, const MapReport& report, double dege
     std::string style;
   };
   Curves residuals;
-  for (const Kind& kind :
-       {Kind{false, false, "pt 7 ps 0.5" + colour(kBlue) + "title 'kept'"},
-        Kind{false, true, "pt 6 ps 0.5" + colour(kSky) + "title 'kept, degenerate'"},
-        Kind{true, false, "pt 7 ps 0.5" + colour(kOrange) + "title 'kept, fits elsewhere too'"},
-        Kind{true, true, "pt 6 ps 0.5" + colour(kOrange) + "title 'both'"}}) {
+  for (const Kind& kind : {Kind{false, false, "pt 7 ps 0.5" + colour(kBlue) + "title 'kept'"},
+                           Kind{false, true, "pt 6 ps 0.5" + colour(kSky) + "title 'degenerate'"},
+                           Kind{true, false, "pt 7 ps 0.5" + colour(kOrange) + "title 'fits elsewhere'"},
+                           Kind{true, true, "pt 6 ps 0.5" + colour(kOrange) + "title 'both'"}}) {
     for (const LoopResidual& loop : qa.loops)
       if ((loop.rivals > 0) == kind.rivals && (loop.weakest.sigma_m > degenerate_loop_sigma_m) == kind.weak &&
           loop.station_m)
@@ -238,12 +237,12 @@ std::string sigmaPicture(const QaResult& qa, double degenerate_sigma_m) {
       else
         curves.gap();
     }
-    curves.curve(along ? "with lines lw 1.2 dt 2" + colour(kSky) + "title 'odometry, along the car'"
-                       : "with lines lw 1.5" + colour(kBlue) + "title 'odometry, weakest direction'");
+    curves.curve(along ? "with lines lw 1.2 dt 2" + colour(kSky) + "title 'odometry, along'"
+                       : "with lines lw 1.5" + colour(kBlue) + "title 'odometry, weakest'");
   }
   for (const LoopResidual& loop : qa.loops)
     if (loop.station_m) curves.row(*loop.station_m, loop.weakest.sigma_m);
-  curves.curve("with points pt 7 ps 0.5" + colour(kOrange) + "title 'loops, weakest direction'");
+  curves.curve("with points pt 7 ps 0.5" + colour(kOrange) + "title 'loops, weakest'");
   curves.also(number(degenerate_sigma_m) + " with lines lw 1" + colour(kVermillion) + "title 'degenerate'");
   return gnuplot(panels("sigma", 1, 240, qa) + "set logscale y\n" + panelLabel("sigma [m]") + lastPanel(qa) +
                  curves.script() + "unset multiplot\n");
