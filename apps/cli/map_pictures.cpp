@@ -196,9 +196,9 @@ std::string loopPicture(const QaResult& qa, const MapReport& report, double dege
   };
   Curves residuals;
   for (const Kind& kind : {Kind{false, false, "pt 7 ps 0.5" + colour(kBlue) + "title 'kept'"},
-                           Kind{false, true, "pt 6 ps 0.5" + colour(kSky) + "title 'degenerate'"},
+                           Kind{false, true, "pt 6 ps 0.6 lw 1.5" + colour(kBlue) + "title 'degenerate'"},
                            Kind{true, false, "pt 7 ps 0.5" + colour(kOrange) + "title 'fits elsewhere'"},
-                           Kind{true, true, "pt 6 ps 0.5" + colour(kOrange) + "title 'both'"}}) {
+                           Kind{true, true, "pt 6 ps 0.6 lw 1.5" + colour(kOrange) + "title 'both'"}}) {
     for (const LoopResidual& loop : qa.loops)
       if ((loop.rivals > 0) == kind.rivals && (loop.weakest.sigma_m > degenerate_loop_sigma_m) == kind.weak &&
           loop.station_m)
