@@ -163,7 +163,7 @@ std::string qaPage(const std::string& title, const BuiltMap& built, const QaResu
 
   body += heading("Overlap and gaps") + picture([&] { return coveragePicture(qa); });
   std::vector<std::vector<std::string>> gaps{
-      {format("fewer than %d passes", options.min_passes), stretchText(qa.unpassed)}};
+      {format("passes below %d", options.min_passes), stretchText(qa.unpassed)}};
   if (qa.on_lap) {
     gaps.push_back({"no road", stretchText(qa.without_road)});
     gaps.push_back({"no wall", stretchText(qa.without_wall)});
@@ -180,13 +180,12 @@ std::string qaPage(const std::string& title, const BuiltMap& built, const QaResu
 
   body +=
       heading("Made from") + sessionsTable(report) +
-      note(
-          format(
-              "%zu key poses, %zu points in %zu tiles; LiDAR graph on GPS graph %.3f m rmse, refined %.3f m; "
-              "cost %.4g -> %.4g; made by raceloc ",
-              report.key_poses, report.points, report.tiles, report.aligned_rmse_m, report.refined_rmse_m,
-              report.initial_cost, report.final_cost) +
-          info.tool_version);
+      note(format("%zu key poses, %zu points in %zu tiles; ", report.key_poses, report.points, report.tiles) +
+           (info.origin ? format("LiDAR graph on GPS graph %.3f m rmse, refined %.3f m; ",
+                                 report.aligned_rmse_m, report.refined_rmse_m)
+                        : "") +
+           format("cost %.4g -> %.4g; made by raceloc ", report.initial_cost, report.final_cost) +
+           info.tool_version);
   return htmlPage("Map " + title, body);
 }
 

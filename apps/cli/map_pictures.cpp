@@ -46,6 +46,10 @@ struct Grid {
   double cell_m;
   int columns, rows;
   std::vector<int> counts;
+  [[nodiscard]] std::size_t index(int column, int row) const {
+    return static_cast<std::size_t>(row) * static_cast<std::size_t>(columns) +
+           static_cast<std::size_t>(column);
+  }
 };
 
 Grid gridOf(const TiledMap& tiles, const Eigen::AlignedBox2d& box) {
@@ -55,7 +59,7 @@ Grid gridOf(const TiledMap& tiles, const Eigen::AlignedBox2d& box) {
             static_cast<int>(std::ceil(box.sizes().x() / cell_m)),
             static_cast<int>(std::ceil(box.sizes().y() / cell_m)),
             {}};
-  grid.counts.resize(static_cast<std::size_t>(grid.columns * grid.rows));
+  grid.counts.resize(grid.index(0, grid.rows));
   for (const auto& entry : tiles.tiles()) {
     const Tile& tile = entry.second;
     const Eigen::Vector2d corner_m = tileCorner(tile, tiles.tileSize()).head<2>();
@@ -63,7 +67,7 @@ Grid gridOf(const TiledMap& tiles, const Eigen::AlignedBox2d& box) {
       const Eigen::Vector2d p_m = corner_m + tile.cloud.point(i).head<2>().cast<double>();
       const Eigen::Vector2i at = ((p_m - box.min()) / cell_m).array().floor().matrix().cast<int>();
       if (at.x() >= 0 && at.x() < grid.columns && at.y() >= 0 && at.y() < grid.rows)
-        ++grid.counts[static_cast<std::size_t>(at.y() * grid.columns + at.x())];
+        ++grid.counts[grid.index(at.x(), at.y())];
     }
   }
   return grid;
@@ -71,14 +75,15 @@ Grid gridOf(const TiledMap& tiles, const Eigen::AlignedBox2d& box) {
 
 /** Panels below each other with one axis of stations, each with its key above it. */
 std::string panels(const std::string& name, int count, int panel_px, const QaResult& qa) {
-  constexpr int kTop_px = 26, kBottom_px = 56;
+  constexpr int kTop_px = 42, kBottom_px = 56;
   const int height_px = count * panel_px + kTop_px + kBottom_px;
   const auto share = [&](int px) { return number(static_cast<double>(px) / height_px); };
   return svgTerminal(name, height_px) + "set multiplot layout " + std::to_string(count) +
          ",1 margins 0.13,0.98," + share(kBottom_px) + "," + share(height_px - kTop_px) + " spacing " +
          share(kTop_px) +
          "\nset xrange [0:" + number(qa.spacing_m * static_cast<double>(qa.stations.size())) +
-         "]\nset key at graph 1,1 right bottom horizontal Left reverse samplen 2\nset format x ''\n";
+         "]\nset key at graph 1,1 right bottom horizontal maxrows 1 Left reverse samplen 2\nset format x "
+         "''\n";
 }
 std::string lastPanel(const QaResult& qa) {
   return std::string("set format x '%.10g'\nset xlabel '") +
@@ -108,7 +113,7 @@ std::string mapPicture(const BuiltMap& built) {
   std::string script = "$points << EOD\n";
   for (int row = 0; row < grid.rows; ++row) {
     for (int column = 0; column < grid.columns; ++column) {
-      const int count = grid.counts[static_cast<std::size_t>(row * grid.columns + column)];
+      const int count = grid.counts[grid.index(column, row)];
       script += (column > 0 ? " " : "") + number(std::round(100 * std::log1p(count)) / 100);
     }
     script += "\n";
@@ -190,11 +195,10 @@ std::string loopPicture(const QaResult& qa, const MapReport& report, double dege
     std::string style;
   };
   Curves residuals;
-  for (const Kind& kind :
-       {Kind{false, false, "pt 7 ps 0.5" + colour(kBlue) + "title 'kept'"},
-        Kind{false, true, "pt 6 ps 0.5" + colour(kSky) + "title 'kept, degenerate'"},
-        Kind{true, false, "pt 7 ps 0.5" + colour(kOrange) + "title 'kept, fits elsewhere too'"},
-        Kind{true, true, "pt 6 ps 0.5" + colour(kOrange) + "title 'both'"}}) {
+  for (const Kind& kind : {Kind{false, false, "pt 7 ps 0.5" + colour(kBlue) + "title 'kept'"},
+                           Kind{false, true, "pt 6 ps 0.6 lw 1.5" + colour(kBlue) + "title 'degenerate'"},
+                           Kind{true, false, "pt 7 ps 0.5" + colour(kOrange) + "title 'fits elsewhere'"},
+                           Kind{true, true, "pt 6 ps 0.6 lw 1.5" + colour(kOrange) + "title 'both'"}}) {
     for (const LoopResidual& loop : qa.loops)
       if ((loop.rivals > 0) == kind.rivals && (loop.weakest.sigma_m > degenerate_loop_sigma_m) == kind.weak &&
           loop.station_m)
@@ -233,12 +237,12 @@ std::string sigmaPicture(const QaResult& qa, double degenerate_sigma_m) {
       else
         curves.gap();
     }
-    curves.curve(along ? "with lines lw 1.2 dt 2" + colour(kSky) + "title 'odometry, along the car'"
-                       : "with lines lw 1.5" + colour(kBlue) + "title 'odometry, weakest direction'");
+    curves.curve(along ? "with lines lw 1.2 dt 2" + colour(kSky) + "title 'odometry, along'"
+                       : "with lines lw 1.5" + colour(kBlue) + "title 'odometry, weakest'");
   }
   for (const LoopResidual& loop : qa.loops)
     if (loop.station_m) curves.row(*loop.station_m, loop.weakest.sigma_m);
-  curves.curve("with points pt 7 ps 0.5" + colour(kOrange) + "title 'loops, weakest direction'");
+  curves.curve("with points pt 7 ps 0.5" + colour(kOrange) + "title 'loops, weakest'");
   curves.also(number(degenerate_sigma_m) + " with lines lw 1" + colour(kVermillion) + "title 'degenerate'");
   return gnuplot(panels("sigma", 1, 240, qa) + "set logscale y\n" + panelLabel("sigma [m]") + lastPanel(qa) +
                  curves.script() + "unset multiplot\n");

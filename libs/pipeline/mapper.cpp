@@ -412,7 +412,7 @@ BuiltMap buildMap(const std::vector<std::string>& log_paths, const std::string& 
   report.gps_rmse_m = gpsRmse(drives.keyframes, T_map_body);
   report.initial_cost = joint.initial_cost;
   report.final_cost = joint.final_cost;
-  report.converged = joint.converged && gps.converged && lidar.converged;
+  report.converged = joint.converged && (gps.converged || !has_gps) && lidar.converged;
   if (loop) {
     report.lap_m = loop->length_m;
     std::set<std::pair<int, int>> laps;
