@@ -195,10 +195,11 @@ std::string loopPicture(const QaResult& qa, const MapReport& report, double dege
     std::string style;
   };
   Curves residuals;
-  for (const Kind& kind : {Kind{false, false, "pt 7 ps 0.5" + colour(kBlue) + "title 'kept'"},
-                           Kind{false, true, "pt 6 ps 0.6 lw 1.5" + colour(kBlue) + "title 'degenerate'"},
-                           Kind{true, false, "pt 7 ps 0.5" + colour(kOrange) + "title 'fits elsewhere'"},
-                           Kind{true, true, "pt 6 ps 0.6 lw 1.5" + colour(kOrange) + "title 'both'"}}) {
+  for (const Kind& kind :
+       {Kind{false, false, "pt 7 ps 0.5" + colour(kBlue) + "title 'kept'"},
+        Kind{false, true, "pt 6 ps 0.6 lw 1.5" + colour(kBlue) + "title 'degenerate'"},
+        Kind{true, false, "pt 7 ps 0.5" + colour(kOrange) + "title 'fits elsewhere'"},
+        Kind{true, true, "pt 6 ps 0.6 lw 1.5" + colour(kOrange) + "title 'elsewhere, degenerate'"}}) {
     for (const LoopResidual& loop : qa.loops)
       if ((loop.rivals > 0) == kind.rivals && (loop.weakest.sigma_m > degenerate_loop_sigma_m) == kind.weak &&
           loop.station_m)
@@ -243,7 +244,8 @@ std::string sigmaPicture(const QaResult& qa, double degenerate_sigma_m) {
   for (const LoopResidual& loop : qa.loops)
     if (loop.station_m) curves.row(*loop.station_m, loop.weakest.sigma_m);
   curves.curve("with points pt 7 ps 0.5" + colour(kOrange) + "title 'loops, weakest'");
-  curves.also(number(degenerate_sigma_m) + " with lines lw 1" + colour(kVermillion) + "title 'degenerate'");
+  curves.also(number(degenerate_sigma_m) + " with lines lw 1" + colour(kVermillion) +
+              "title 'limit of odometry'");
   return gnuplot(panels("sigma", 1, 240, qa) + "set logscale y\n" + panelLabel("sigma [m]") + lastPanel(qa) +
                  curves.script() + "unset multiplot\n");
 }

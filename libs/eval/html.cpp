@@ -10,7 +10,7 @@ h1 { font-size: 1.5em } h2 { font-size: 1.1em; margin: 1.8em 0 .4em }
 table { border-collapse: collapse; font-variant-numeric: tabular-nums }
 td, th { padding: .2em .9em .2em 0; text-align: right; border-bottom: 1px solid #ddd; font-weight: normal }
 th { color: #666 } td:first-child, th:first-child { text-align: left }
-table.words td { text-align: left } p.note { color: #666; font-size: .9em; margin: .4em 0 }
+table.words td, table.words th { text-align: left } p.note { color: #666; font-size: .9em; margin: .4em 0 }
 p.pass { border-left: 4px solid #009E73; padding: .3em .8em; background: #ecf7f2 }
 p.warning { border-left: 4px solid #D55E00; padding: .3em .8em; background: #fdf3ec }
 code { font-size: .9em; overflow-wrap: anywhere } svg { width: 100%; height: auto }
