@@ -21,7 +21,7 @@ struct StaticOptions {
   double end_m = 0.5;
   double end_share = 0.25;
   int min_passes = 3;
-  double passes_per_hit = 1.0;
+  double passes_per_hit = 3.0;
   void describe(OptionList& keys);
 };
 

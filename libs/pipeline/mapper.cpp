@@ -101,7 +101,6 @@ Drives survey(const std::vector<std::string>& logs, StageStore& store, ScanStore
     scans.addSurvey(n, input, found.keyframes.size());
     drives.session_of.insert(drives.session_of.end(), found.keyframes.size(), static_cast<int>(n));
     for (auto& k : found.keyframes) {
-      if (!beginsDrive(k)) k.since_last.covariance = flooredOdometry(k.since_last.covariance, options.graph);
       drives.keyframes.push_back(std::move(k));
     }
     found.keyframes.clear();
@@ -204,7 +203,10 @@ std::vector<double> doubtOf(const std::vector<Keyframe>& keyframes, const std::v
 LoopClosures closeLoops(gpu::Context& context, Loop& loop, const Drives& drives,
                         const std::vector<Pose>& T_map_body, const ScanStore& scans,
                         const MapperOptions& options, const StageProgress& progress) {
-  const OdometryChain chain(drives.keyframes);
+  OdometryChain chain;
+  for (const Keyframe& k : drives.keyframes)
+    chain.add({k.since_last.duration_s, k.since_last.T_start_end,
+               flooredOdometry(k.since_last.covariance, options.graph)});
   const LoopMatcher matcher(
       context, chain, [&](std::size_t key) { return scans.scan(key); }, options.loops,
       options.matching.registration, options.matching.covariance);
@@ -285,7 +287,8 @@ void describeGraphs(MapContent& content, const Drives& drives, const std::vector
     const Keyframe& k = drives.keyframes[key];
     if (!beginsDrive(k))
       content.edges.push_back({number(key - 1), number(key), k.since_last.T_start_end,
-                               informationOf(k.since_last.covariance), EdgeKind::odometry});
+                               informationOf(flooredOdometry(k.since_last.covariance, o)),
+                               EdgeKind::odometry});
     for (const KeyGps& gps : k.gps) {
       const Eigen::Matrix3d covariance =
           gps.cov_map_m2 + o.gps_min_sigma_m * o.gps_min_sigma_m * Eigen::Matrix3d::Identity();

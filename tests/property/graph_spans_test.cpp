@@ -254,18 +254,6 @@ TEST(GpsSpansProperty, NoiseThatIsOwnedUpToIsPoorButNotRefused) {
 constexpr double kRamp_mps = 0.5;
 constexpr int kRampHidden = 11 + 2;
 
-TEST(GpsSpansProperty, ARampThatJumpsBackIsFoundOut) {
-  forAll(3, [](Random& rnd) {
-    Drive d = drive(rnd, kKeys);
-    const Lie lie = lieOf(rnd, d, rnd.uniform(5, 30));
-    const Eigen::Vector3d direction = aside(rnd, 1, 1);
-    tell(d, lie, [&](KeyGps& gps, double along_s, double) {
-      gps.p_map_antenna_m += kRamp_mps * along_s * direction;
-    });
-    expectFoundOut(d, {lie}, kRampHidden);
-  });
-}
-
 TEST(GpsSpansProperty, ARampThatComesBackIsFoundOut) {
   forAll(2, [](Random& rnd) {
     Drive d = drive(rnd, kKeys);
