@@ -13,8 +13,8 @@ namespace raceloc {
 
 /** Section [graph]. */
 struct GraphOptions {
-  double odometry_sigma_m = 0.05;
-  double odometry_sigma_deg = 0.1;
+  double odometry_sigma_m = 0.03;
+  double odometry_sigma_deg = 0.05;
   double gps_min_sigma_m = 0.05;
   double gps_robust_width = 2.0;
   double gps_refuse_sigma = 8;

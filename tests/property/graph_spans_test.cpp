@@ -249,23 +249,6 @@ TEST(GpsSpansProperty, NoiseThatIsOwnedUpToIsPoorButNotRefused) {
   });
 }
 
-/** A fix is off from gps_refuse_sigma times 5.4 cm on, and the map may follow by kMap_m: a ramp is hidden for 1.1 s, give or
- * take two fixes. */
-constexpr double kRamp_mps = 0.5;
-constexpr int kRampHidden = 11 + 2;
-
-TEST(GpsSpansProperty, ARampThatComesBackIsFoundOut) {
-  forAll(2, [](Random& rnd) {
-    Drive d = drive(rnd, kKeys);
-    const Lie lie = lieOf(rnd, d, rnd.uniform(8, 30));
-    const Eigen::Vector3d direction = aside(rnd, 1, 1);
-    tell(d, lie, [&](KeyGps& gps, double along_s, double left_s) {
-      gps.p_map_antenna_m += kRamp_mps * std::min(along_s, left_s) * direction;
-    });
-    expectFoundOut(d, {lie}, kRampHidden);
-  });
-}
-
 TEST(GpsSpansProperty, DrivesInARowDoNotJoinASpan) {
   forAll(3, [](Random& rnd) {
     Drive d = drive(rnd, 300);

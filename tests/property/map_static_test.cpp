@@ -166,8 +166,9 @@ TEST_P(StaticVoxelsOnBank, TakeOutWhatDrivesAndLeaveTheRest) {
       all_static.removed += tally.removed;
     }
     ASSERT_GT(tallies[Kind::car].points, 3000);
-    // What is left is in one layer with the road, or at the top, where rays from about its height end on nothing.
-    EXPECT_GE(tallies[Kind::car].share(), 0.95);
+    // What is left is in one layer with the road, or at the top, where rays from about its height end on nothing; and
+    // what fewer than three scans see through for each that hits it: the price of real trees and hedges that stay.
+    EXPECT_GE(tallies[Kind::car].share(), 0.9);
     EXPECT_LE(all_static.share(), 0.01);
     for (const Kind kind : {Kind::road, Kind::wall, Kind::building, Kind::parked, Kind::post, Kind::fence})
       EXPECT_LE(tallies[kind].share(), 0.01) << static_cast<int>(kind);
@@ -229,9 +230,11 @@ TEST(StaticVoxelsProperty, WhatIsSeenThroughMoreOftenThanHitHasMoved) {
 
 TEST(StaticVoxelsProperty, CountersThatAreFullStayFull) {
   forAll(5, [](Random& rnd) {
+    StaticOptions options;
+    options.passes_per_hit = 1;
     const int many = rnd.integer(256, 1000);
-    EXPECT_FALSE(staysAhead(20, 90, 254, many, {}, rnd));
-    EXPECT_TRUE(staysAhead(20, 90, many, 1000, {}, rnd));
+    EXPECT_FALSE(staysAhead(20, 90, 254, many, options, rnd));
+    EXPECT_TRUE(staysAhead(20, 90, many, 1000, options, rnd));
   });
 }
 
@@ -281,7 +284,7 @@ TEST(StaticVoxelsProperty, PointsThatWereNotMarkedCountForNothing) {
     voxels.mark(thing, Pose::Identity());
     for (int i = 0; i < hits; ++i) voxels.count(scan, Pose::Identity(), Eigen::Vector3d::Zero());
     for (int i = 0; i < passes; ++i) voxels.count(beyond, Pose::Identity(), Eigen::Vector3d::Zero());
-    EXPECT_EQ(voxels.isStatic({20, 0, 0}), passes < 3 || passes <= hits) << passes << " / " << hits;
+    EXPECT_EQ(voxels.isStatic({20, 0, 0}), passes < 3 || passes <= 3 * hits) << passes << " / " << hits;
   });
 }
 
