@@ -30,9 +30,9 @@ struct OdometryStep {
   Pose T_odom_body;       ///< `odom`: the body's frame at the first scan
   BodyMotion since_last;  ///< measured motion since the scan before; zero duration at the first scan
   std::optional<BodyMotion> predicted;  ///< the same by gyro and wheels alone; none while they are silent
-  Registration match;     ///< against the local map; at the first scan of a track: identity, nothing matched
-  bool trusted;           ///< false: the pose is dead reckoning alone
-  bool restarted;         ///< the local map was given up and begun anew with this scan
+  Registration match;  ///< against the local map; at the first scan of a track: identity, nothing matched
+  bool trusted;        ///< false: the pose is dead reckoning alone
+  bool restarted;      ///< the local map was given up and begun anew with this scan
   bool
       by_wheels;  ///< guess and de-skew by wheel speed; false: by the speed of the last match and the gyro, or by
                   ///< the motion between the last scans

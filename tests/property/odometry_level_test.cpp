@@ -105,7 +105,8 @@ TEST(LevellingProperty, TheImuSitsWhereItSits) {
   BankedTurn turn{0, 0, 150, 60, 0.5, Eigen::Vector3d::Zero(), {0, 0, 0}};
   Driven here;
   drive(turn, 0, 5, rnd, here);
-  turn.p_body_imu_m = {1.5, 0.5, -1};  // felt there: 0.24 m/s^2 more, a tilt of 0.5 deg after 5 s if it counted
+  turn.p_body_imu_m = {1.5, 0.5,
+                       -1};  // felt there: 0.24 m/s^2 more, a tilt of 0.5 deg after 5 s if it counted
   Driven there;
   drive(turn, 0, 5, rnd, there);
   EXPECT_LT(error_rad(turn, there, 5), 0.35 * kDegree);
