@@ -19,23 +19,28 @@ namespace raceloc {
 namespace {
 
 constexpr char kHelp[] = R"(NAME
-  raceloc-map - survey rawlog in, georeferenced map out
+  raceloc-map - survey rawlogs in, one georeferenced map out
 
 SYNOPSIS
-  raceloc-map -c INI -o MAP.rlmap SURVEY.rawlog
+  raceloc-map -c INI -o MAP.rlmap [--race-line LINE.csv] [--resume] SURVEY.rawlog ...
   raceloc-map info MAP.rlmap
   raceloc-map export MAP.rlmap -o PREFIX FORMAT...
   raceloc-map check MAP.rlmap
 
 DESCRIPTION
-  Reads a survey log, de-skews each LiDAR sweep by the car's motion, merges those of several LiDARs,
-  registers them (VGICP) against the map so far, ties the key poses to the GPS in a pose graph, and
-  writes the map: one SQLite file, and beside it MAP.html and MAP.json (how good it is, and a verdict by
-  the limits in section [qa]), MAP.simplemap (robot-map-gui) and MAP.3Dscene (SceneViewer3D). Files
-  appear under their names when they are whole; an interrupted run leaves what was there before.
+  Reads survey logs, de-skews each LiDAR sweep by the car's motion, merges those of several LiDARs and
+  registers them (VGICP) against the map so far. A GPS/INS graph and a LiDAR graph share their key poses;
+  racetrack IDs along the first full lap (or --race-line) propose loops, scans verify them, and one graph of
+  all takes out the rest. Receivers are refused where they contradict odometry and each other, by name and
+  time; what other scans see through has moved, and is left out. Several logs become one map in the
+  frame of the first one's origin.
+  Writes one SQLite file, and beside it MAP.html and MAP.json (how good it is, and a verdict by the limits in
+  section [qa]), MAP.simplemap (robot-map-gui) and MAP.3Dscene (SceneViewer3D). Files appear under their names
+  when they are whole. What a run has done so far is in MAP.rlmap.build: after a kill, --resume goes on from there.
 
 EXAMPLES
   raceloc-map -c ini/map.ini -o monza.rlmap survey.rawlog
+  raceloc-map -c ini/map.ini -o monza.rlmap --resume saturday.rawlog sunday.rawlog
   raceloc-map --print-ini > my_map.ini       every key with its meaning, range and default
   raceloc-map -c ini/map.ini -o lap.rlmap --odometry lap_odometry.tum survey.rawlog
   raceloc-map check monza.rlmap
@@ -121,7 +126,8 @@ std::optional<MapArgs> parseMapArgs(int argc, char** argv) {
   TCLAP::ValueArg<std::string> ini("c", "config", "options; see --print-ini", false, "", "INI", cmd);
   TCLAP::ValueArg<std::string> out("o", "output", "the map to write", false, "", "MAP.rlmap", cmd);
   TCLAP::ValueArg<std::string> odometry(
-      "", "odometry", "also write the LiDAR odometry before the graph, in its own frame (TUM)", false, "",
+      "", "odometry",
+      "also write the LiDAR odometry of the first log before the graphs, in its own frame (TUM)", false, "",
       "FILE.tum", cmd);
   TCLAP::ValueArg<std::string> trajectory("", "trajectory", "also write the key poses in the map frame (TUM)",
                                           false, "", "FILE.tum", cmd);

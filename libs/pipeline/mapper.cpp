@@ -137,11 +137,6 @@ std::vector<Eigen::Vector3d> positionsOf(const std::vector<Pose>& poses) {
   return positions;
 }
 
-std::vector<Pose> moved(const Pose& T, std::vector<Pose> poses) {
-  for (Pose& pose : poses) pose = T * pose;
-  return poses;
-}
-
 /** Racetrack IDs of the key poses, where there is a loop. */
 struct Loop {
   TrackIds ids;
@@ -226,7 +221,7 @@ LoopClosures closeLoops(gpu::Context& context, Loop& loop, const Drives& drives,
   return consistentLoops(matches, chain, options.loops);
 }
 
-/** Points with their covariances, tile by tile: a tile needs what is within `margin_m` around it. */
+/** Points with their covariances, tile by tile: a tile needs what is within the covariances' radius around it. */
 TiledMap tilesOf(gpu::Context& context, const Cloud& points, const CovarianceOptions& covariance,
                  double tile_size_m) {
   std::map<std::pair<int, int>, std::vector<std::size_t>> within;  ///< tile or its margin
@@ -304,57 +299,67 @@ void describeGraphs(MapContent& content, const Drives& drives, const std::vector
         {number(loop.i), number(loop.j), loop.T_i_j, informationOf(loop.covariance), EdgeKind::loop});
 }
 
-}  // namespace
+/** What the graphs came to. */
+struct Solved {
+  GraphSolution gps, lidar, joint;
+  GraphAlignment aligned;  ///< of the LiDAR graph with the GPS graph
+  std::optional<Loop> loop;
+  LoopClosures loops;
+  std::vector<GpsSpan> spans;
+};
 
-BuiltMap buildMap(const std::vector<std::string>& log_paths, const std::string& race_line_path,
-                  StageStore& store, const MapperOptions& options, const std::string& tool_version,
-                  const StageProgress& progress) {
-  ScanStore scans(store);
-  Drives drives = survey(log_paths, store, scans, options, progress);
-  const std::size_t keys = drives.keyframes.size();
-  const bool has_gps = drives.origin.has_value();
-
+Solved solve(gpu::Context& context, Drives& drives, const std::vector<std::string>& log_paths,
+             const std::string& race_line_path, const ScanStore& scans, const MapperOptions& options,
+             const StageProgress& progress) {
+  auto& keyframes = drives.keyframes;
   progress("graphs", 0);
-  GraphSolution gps =
-      solveGraph(GraphKind::gps, drives.keyframes, {}, alignedOdometry(drives.keyframes), options.graph);
+  GraphSolution gps = solveGraph(GraphKind::gps, keyframes, {}, alignedOdometry(keyframes), options.graph);
   requireOnePlace(drives, gps.T_map_body, log_paths);
-  refuseUnchained(drives.keyframes, gps.T_map_body, options.graph);
-  gps = solveGraph(GraphKind::gps, drives.keyframes, {}, gps.T_map_body, options.graph);
-  GraphSolution joint = solveGraph(GraphKind::joint, drives.keyframes, {}, gps.T_map_body, options.graph);
+  refuseUnchained(keyframes, gps.T_map_body, options.graph);
+  gps = solveGraph(GraphKind::gps, keyframes, {}, gps.T_map_body, options.graph);
+  GraphSolution joint = solveGraph(GraphKind::joint, keyframes, {}, gps.T_map_body, options.graph);
   progress("graphs", 1);
 
-  const DeviceOptions& device = options.matching.device;
-  gpu::Context context(device.device, 0, device.threads);
   std::optional<Loop> loop = loopOf(joint.T_map_body, drives, race_line_path, options);
   LoopClosures loops;
   if (loop) loops = closeLoops(context, *loop, drives, joint.T_map_body, scans, options, progress);
 
   progress("refinement", 0);
-  const GraphSolution lidar =
-      solveGraph(GraphKind::lidar, drives.keyframes, loops.edges, joint.T_map_body, options.graph);
-  const auto lidar_m = positionsOf(lidar.T_map_body), gps_m = positionsOf(gps.T_map_body);
-  const GraphAlignment aligned =
-      has_gps ? alignGraphs(lidar_m, gps_m) : GraphAlignment{Pose::Identity(), 0, 1};
-  const std::vector<Pose> lidar_aligned = moved(aligned.T_to_from, lidar.T_map_body);
+  GraphSolution lidar = solveGraph(GraphKind::lidar, keyframes, loops.edges, joint.T_map_body, options.graph);
+  const GraphAlignment aligned = drives.origin
+                                     ? alignGraphs(positionsOf(lidar.T_map_body), positionsOf(gps.T_map_body))
+                                     : GraphAlignment{Pose::Identity(), 0, 1};
   // What is refused by one solution has no more say in the next.
   std::vector<GpsSpan> spans;
   constexpr int kRounds = 2;
   for (int round = 0; round < kRounds; ++round) {
-    joint = solveGraph(GraphKind::joint, drives.keyframes, loops.edges, joint.T_map_body, options.graph);
-    spans = gpsSpans(drives.keyframes, joint.T_map_body, options.graph);
-    refuse(drives.keyframes, spans);
+    joint = solveGraph(GraphKind::joint, keyframes, loops.edges, joint.T_map_body, options.graph);
+    spans = gpsSpans(keyframes, joint.T_map_body, options.graph);
+    refuse(keyframes, spans);
   }
-  joint = solveGraph(GraphKind::joint, drives.keyframes, loops.edges, joint.T_map_body, options.graph);
-  const std::vector<Pose>& T_map_body = joint.T_map_body;
+  joint = solveGraph(GraphKind::joint, keyframes, loops.edges, joint.T_map_body, options.graph);
+  progress("refinement", 1);
+  return {std::move(gps),  std::move(lidar), std::move(joint), aligned,
+          std::move(loop), std::move(loops), std::move(spans)};
+}
 
-  // Scans are read three times rather than kept: which voxels hold points, which of those others see through, the rest.
-  StaticVoxels still(options.static_points);
+/** All that stays of the scans, in the map frame. */
+struct StaticScene {
+  Cloud points;
+  WallThickness walls;
+  double moving_share;
+};
+
+/** Scans are read three times rather than kept: which voxels hold points, which of those others see through, the rest. */
+StaticScene staticScene(const Drives& drives, const ScanStore& scans, const std::vector<Pose>& T_map_body,
+                        const MapperOptions& options, const StageProgress& progress) {
   const auto forEachScan = [&](const char* stage, const auto& take) {
-    for (std::size_t key = 0; key < keys; ++key) {
+    for (std::size_t key = 0; key < T_map_body.size(); ++key) {
       take(key, scans.scan(key), T_map_body[key]);
-      progress(stage, static_cast<double>(key + 1) / static_cast<double>(keys));
+      progress(stage, static_cast<double>(key + 1) / static_cast<double>(T_map_body.size()));
     }
   };
+  StaticVoxels still(options.static_points);
   forEachScan("moving objects", [&](std::size_t, const Cloud& scan, const Pose& T) { still.mark(scan, T); });
   forEachScan("moving objects", [&](std::size_t key, const Cloud& scan, const Pose& T) {
     still.count(scan, T, drives.surveys[static_cast<std::size_t>(drives.session_of[key])].p_body_eyes_m);
@@ -369,74 +374,98 @@ BuiltMap buildMap(const std::vector<std::string>& log_paths, const std::string& 
     average.add(scan);
     sharpness.add(scan);
   });
-  CovarianceOptions covariance = options.matching.covariance;
-  covariance.radius_m = options.map.covariance_radius_m;
-  progress("tiles", 0);
-  BuiltMap built{tilesOf(context, average.cloud(), covariance, options.map.tile_size_m), {}, {}, {}};
-  MapContent& content = built.content;
-  content.info = {drives.origin,
-                  options.map.tile_size_m,
-                  options.map.point_spacing_m,
-                  tool_version,
-                  options.iniText(),
-                  {},
-                  loop ? options.track_id.spacing_m : 0};
-  for (Survey& s : drives.surveys) content.info.sessions.push_back(s.session);
-  for (std::size_t key = 0; key < keys; ++key) {
+  return {average.cloud(), sharpness.thickness(),
+          seen > 0 ? static_cast<double>(moving) / static_cast<double>(seen) : 0};
+}
+
+MapContent contentOf(const Drives& drives, const Solved& solved, const TiledMap& tiles,
+                     const MapperOptions& options, const std::string& tool_version) {
+  const std::vector<Pose>& T_map_body = solved.joint.T_map_body;
+  MapContent content;
+  content.info = {drives.origin, options.map.tile_size_m, options.map.point_spacing_m,
+                  tool_version,  options.iniText(),       {}};
+  for (const Survey& s : drives.surveys) content.info.sessions.push_back(s.session);
+  for (std::size_t key = 0; key < T_map_body.size(); ++key) {
     KeyPose& k = content.key_poses.emplace_back(
         KeyPose{drives.keyframes[key].stamp_s, T_map_body[key],
                 content.info.sessions[static_cast<std::size_t>(drives.session_of[key])]});
-    k.T_map_body_gps = has_gps ? std::optional(gps.T_map_body[key]) : std::nullopt;
-    k.T_map_body_lidar = lidar_aligned[key];
-    if (loop)
-      if (const auto id = loop->ids.idAt(T_map_body[key])) k.racetrack_id = *id;
+    if (drives.origin) k.T_map_body_gps = solved.gps.T_map_body[key];
+    k.T_map_body_lidar = solved.aligned.T_to_from * solved.lidar.T_map_body[key];
+    if (solved.loop)
+      if (const auto id = solved.loop->ids.idAt(T_map_body[key])) k.racetrack_id = *id;
   }
-  describeGraphs(content, drives, loops.edges, T_map_body, options.graph);
-  if (loop) {
+  describeGraphs(content, drives, solved.loops.edges, T_map_body, options.graph);
+  if (const auto& loop = solved.loop) {
+    const double spacing_m = loop->length_m / loop->ids.count();
     for (const WayPoint& w : loop->ids.wayPoints()) content.waypoints.push_back({w.p_map_m, w.heading_rad});
-    content.info.waypoint_spacing_m = loop->length_m / loop->ids.count();
-    content.road =
-        roadSurface(built.tiles, content.waypoints, content.info.waypoint_spacing_m, content.key_poses);
-    content.walls = wallLines(built.tiles, content.waypoints, content.info.waypoint_spacing_m);
+    content.info.waypoint_spacing_m = spacing_m;
+    content.road = roadSurface(tiles, content.waypoints, spacing_m, content.key_poses);
+    content.walls = wallLines(tiles, content.waypoints, spacing_m);
   }
-  progress("tiles", 1);
+  return content;
+}
 
-  MapReport& report = built.report;
-  report.key_poses = keys;
+MapReport reportOf(const Drives& drives, Solved solved, const StaticScene& scene, const TiledMap& tiles) {
+  const std::vector<Pose>& T_map_body = solved.joint.T_map_body;
+  MapReport report{};
+  report.key_poses = T_map_body.size();
   for (const Keyframe& k : drives.keyframes) {
     report.gps_fixes += k.gps.size();
     report.attitudes += k.attitudes.size();
   }
-  report.gps_spans = std::move(spans);
   report.first_s = drives.keyframes.front().stamp_s;
-  report.aligned_rmse_m = aligned.rmse_m;
-  report.aligned_share = aligned.inlier_share;
-  report.refined_rmse_m = alignGraphs(positionsOf(T_map_body), gps_m).rmse_m;
+  report.aligned_rmse_m = solved.aligned.rmse_m;
+  report.aligned_share = solved.aligned.inlier_share;
+  report.refined_rmse_m = alignGraphs(positionsOf(T_map_body), positionsOf(solved.gps.T_map_body)).rmse_m;
   report.gps_rmse_m = gpsRmse(drives.keyframes, T_map_body);
-  report.initial_cost = joint.initial_cost;
-  report.final_cost = joint.final_cost;
-  report.converged = joint.converged && (gps.converged || !has_gps) && lidar.converged;
-  if (loop) {
-    report.lap_m = loop->length_m;
+  report.initial_cost = solved.joint.initial_cost;
+  report.final_cost = solved.joint.final_cost;
+  report.converged =
+      solved.joint.converged && solved.lidar.converged && (solved.gps.converged || !drives.origin);
+  if (solved.loop) {
+    report.lap_m = solved.loop->length_m;
     std::set<std::pair<int, int>> laps;
-    for (const RacetrackEntry& entry : loop->dict.entries()) laps.insert({entry.session, entry.lap});
+    for (const RacetrackEntry& entry : solved.loop->dict.entries()) laps.insert({entry.session, entry.lap});
     report.laps = static_cast<int>(laps.size());
   }
-  report.loop_residual_m = loopResidual(loops.edges, T_map_body);
-  report.loops = std::move(loops.edges);
-  report.refused_loops = std::move(loops.refused);
-  report.walls = sharpness.thickness();
-  report.moving_share = seen > 0 ? static_cast<double>(moving) / static_cast<double>(seen) : 0;
-  report.points = built.tiles.pointCount();
-  report.tiles = built.tiles.tiles().size();
+  report.loop_residual_m = loopResidual(solved.loops.edges, T_map_body);
+  report.loops = std::move(solved.loops.edges);
+  report.refused_loops = std::move(solved.loops.refused);
+  report.gps_spans = std::move(solved.spans);
+  report.walls = scene.walls;
+  report.moving_share = scene.moving_share;
+  report.points = tiles.pointCount();
+  report.tiles = tiles.tiles().size();
   std::vector<std::size_t> key_poses_of(drives.surveys.size(), 0);
   for (const int session : drives.session_of) ++key_poses_of[static_cast<std::size_t>(session)];
   for (std::size_t n = 0; n < drives.surveys.size(); ++n) {
-    Survey& s = drives.surveys[n];
-    built.odometry.push_back(std::move(s.odometry));
+    const Survey& s = drives.surveys[n];
     report.sessions.push_back({s.session, s.device_reason, s.recorded_s, s.tally, s.dropped_late,
                                key_poses_of[n], s.match_residual_m, s.match_inlier_share});
   }
+  return report;
+}
+
+}  // namespace
+
+BuiltMap buildMap(const std::vector<std::string>& log_paths, const std::string& race_line_path,
+                  StageStore& store, const MapperOptions& options, const std::string& tool_version,
+                  const StageProgress& progress) {
+  ScanStore scans(store);
+  Drives drives = survey(log_paths, store, scans, options, progress);
+  const DeviceOptions& device = options.matching.device;
+  gpu::Context context(device.device, 0, device.threads);
+  Solved solved = solve(context, drives, log_paths, race_line_path, scans, options, progress);
+  const StaticScene scene = staticScene(drives, scans, solved.joint.T_map_body, options, progress);
+
+  progress("tiles", 0);
+  CovarianceOptions covariance = options.matching.covariance;
+  covariance.radius_m = options.map.covariance_radius_m;
+  BuiltMap built{tilesOf(context, scene.points, covariance, options.map.tile_size_m), {}, {}, {}};
+  built.content = contentOf(drives, solved, built.tiles, options, tool_version);
+  built.report = reportOf(drives, std::move(solved), scene, built.tiles);
+  for (Survey& s : drives.surveys) built.odometry.push_back(std::move(s.odometry));
+  progress("tiles", 1);
   return built;
 }
 
