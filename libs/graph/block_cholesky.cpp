@@ -150,8 +150,9 @@ struct BlockCholesky::Store {
     const auto found = std::lower_bound(begin, begin + blocksIn(column), row);
     if (found == begin + blocksIn(column) || *found != row)
       throw std::out_of_range("BlockCholesky: a factor of poses that are not linked");
-    const auto start = kBlock * kBlock * first[static_cast<std::size_t>(column)] + kBlock * (found - begin);
-    return BlockMap(valuesOf(*H) + start, Eigen::OuterStride<>(kBlock * blocksIn(column)));
+    const auto start =
+        std::ptrdiff_t{first[static_cast<std::size_t>(column)]} * kBlock * kBlock + kBlock * (found - begin);
+    return BlockMap(valuesOf(*H) + start, Eigen::OuterStride<>(kBlock * Eigen::Index{blocksIn(column)}));
   }
   /** x of solveNear(), through CHOLMOD's own handles, which it fills and grows. */
   void solveReach() {
@@ -204,7 +205,7 @@ BlockCholesky::BlockCholesky(std::size_t poses, const std::vector<std::pair<std:
     x_->first.push_back(static_cast<int>(x_->rows.size()));
   }
   const std::size_t size = kBlock * x_->capacity;
-  x_->H = newSparse(common, size, size, kBlock * kBlock * x_->rows.size(), -1, CHOLMOD_REAL);
+  x_->H = newSparse(common, size, size, std::size_t{kBlock} * kBlock * x_->rows.size(), -1, CHOLMOD_REAL);
   int entry = 0;
   for (int column = 0; column < static_cast<int>(x_->capacity); ++column)
     for (int k = 0; k < kBlock; ++k) {
@@ -274,13 +275,13 @@ Eigen::VectorXd BlockCholesky::solve(const Eigen::VectorXd& b) const {
   const OneThread alone;
   const Dense rhs(allocated(cholmod_zeros(x_->L->n, 1, CHOLMOD_REAL, &common)), {&common});
   for (std::size_t pose = 0; pose < x_->poses; ++pose)
-    Eigen::Map<Vector6d>(valuesOf(*rhs) + kBlock * x_->place_of(pose)) =
+    Eigen::Map<Vector6d>(valuesOf(*rhs) + kBlock * std::ptrdiff_t{x_->place_of(pose)}) =
         b.segment<kBlock>(static_cast<Eigen::Index>(kBlock * pose));
   const Dense solution(allocated(cholmod_solve(CHOLMOD_A, x_->L.get(), rhs.get(), &common)), {&common});
   Eigen::VectorXd x(kBlock * static_cast<Eigen::Index>(x_->poses));
   for (std::size_t pose = 0; pose < x_->poses; ++pose)
     x.segment<kBlock>(static_cast<Eigen::Index>(kBlock * pose)) =
-        Eigen::Map<const Vector6d>(valuesOf(*solution) + kBlock * x_->place_of(pose));
+        Eigen::Map<const Vector6d>(valuesOf(*solution) + kBlock * std::ptrdiff_t{x_->place_of(pose)});
   return x;
 }
 
@@ -289,8 +290,8 @@ std::size_t BlockCholesky::room() const { return x_->capacity - x_->poses; }
 bool BlockCholesky::change(const std::vector<LinearFactor>& terms, bool up) {
   if (terms.empty()) return true;
   Common& common = x_->common;
-  const auto C =
-      newSparse(common, x_->L->n, kBlock * terms.size(), 2 * kBlock * kBlock * terms.size(), 0, CHOLMOD_REAL);
+  const auto C = newSparse(common, x_->L->n, kBlock * terms.size(),
+                           std::size_t{2} * kBlock * kBlock * terms.size(), 0, CHOLMOD_REAL);
   int entry = 0, column = 0;
   for (const LinearFactor& term : terms) {
     std::array<std::pair<int, const Matrix6d*>, 2> blocks{
@@ -322,6 +323,7 @@ bool BlockCholesky::append(const Matrix6d& diagonal,
   const int at = static_cast<int>(x_->poses);
   if (room() == 0) throw std::logic_error("BlockCholesky: no room for another pose");
   std::vector<std::pair<int, const Matrix6d*>> blocks;
+  blocks.reserve(columns.size());
   for (const auto& [pose, H] : columns) blocks.emplace_back(x_->place_of(pose), &H);
   std::sort(blocks.begin(), blocks.end());
   const auto R = newSparse(common, x_->L->n, 1, kBlock * (blocks.size() + 1), 0, CHOLMOD_REAL);
@@ -338,7 +340,8 @@ bool BlockCholesky::append(const Matrix6d& diagonal,
     }
     columnsOf(*R)[0] = 0;
     columnsOf(*R)[1] = entry;
-    const int ok = cholmod_rowadd(static_cast<std::size_t>(kBlock * at + k), R.get(), x_->L.get(), &common);
+    const int ok = cholmod_rowadd(kBlock * static_cast<std::size_t>(at) + static_cast<std::size_t>(k),
+                                  R.get(), x_->L.get(), &common);
     if (common.status == CHOLMOD_OUT_OF_MEMORY) throw std::bad_alloc();
     x_->flops_changed += common.modfl;
     if (!ok || common.status != CHOLMOD_OK) return false;
@@ -354,11 +357,11 @@ std::vector<std::pair<std::size_t, Vector6d>> BlockCholesky::solveNear(
     const std::vector<std::pair<std::size_t, Vector6d>>& b) const {
   for (const auto& [pose, value] : b) {
     x_->demand(pose);
-    Eigen::Map<Vector6d>(valuesOf(*x_->b) + kBlock * x_->place_of(pose)) = value;
+    Eigen::Map<Vector6d>(valuesOf(*x_->b) + kBlock * std::ptrdiff_t{x_->place_of(pose)}) = value;
   }
   x_->solveReach();
   for (const auto& [pose, value] : b)
-    Eigen::Map<Vector6d>(valuesOf(*x_->b) + kBlock * x_->place_of(pose)).setZero();
+    Eigen::Map<Vector6d>(valuesOf(*x_->b) + kBlock * std::ptrdiff_t{x_->place_of(pose)}).setZero();
   columnsOf(*x_->near)[1] = 0;
 
   std::vector<std::pair<std::size_t, Vector6d>> x;
