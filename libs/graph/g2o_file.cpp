@@ -195,31 +195,35 @@ void writePose(std::ostream& out, const Pose& T) {
 
 PoseGraph readG2o(const std::string& path) { return Reader(path).read(); }
 
-std::size_t writeG2o(const std::string& path, const PoseGraph& graph) {
+void writeG2o(const std::string& path, const std::vector<Pose>& poses, std::optional<std::size_t> held,
+              const std::vector<G2oEdge>& edges) {
   std::ostringstream out;
   out << std::setprecision(std::numeric_limits<double>::max_digits10);
-  for (std::size_t i = 0; i < graph.T_map_body.size(); ++i) {
+  for (std::size_t i = 0; i < poses.size(); ++i) {
     out << "VERTEX_SE3:QUAT " << i;
-    writePose(out, graph.T_map_body[i]);
+    writePose(out, poses[i]);
     out << '\n';
   }
-  if (graph.held) out << "FIX " << *graph.held << '\n';
-  std::size_t left_out = 0;
-  for (const Factor& factor : graph.factors) {
-    const auto* edge = std::get_if<BetweenFactor>(&factor);
-    if (!edge) {
-      ++left_out;
-      continue;
-    }
-    out << "EDGE_SE3:QUAT " << edge->i << ' ' << edge->j;
-    writePose(out, edge->T_i_j);
-    const Matrix6d information = edge->whitening.transpose() * edge->whitening;
+  if (held) out << "FIX " << *held << '\n';
+  for (const G2oEdge& edge : edges) {
+    out << "EDGE_SE3:QUAT " << edge.i << ' ' << edge.j;
+    writePose(out, edge.T_i_j);
     for (int r = 0; r < 6; ++r)
-      for (int c = r; c < 6; ++c) out << ' ' << information((r + 3) % 6, (c + 3) % 6);
+      for (int c = r; c < 6; ++c) out << ' ' << edge.information((r + 3) % 6, (c + 3) % 6);
     out << '\n';
   }
   writeTextFile(path, out.str());
-  return left_out;
+}
+
+std::size_t writeG2o(const std::string& path, const PoseGraph& graph) {
+  std::vector<G2oEdge> edges;
+  edges.reserve(graph.factors.size());
+  for (const Factor& factor : graph.factors)
+    if (const auto* between = std::get_if<BetweenFactor>(&factor))
+      edges.push_back(
+          {between->i, between->j, between->T_i_j, between->whitening.transpose() * between->whitening});
+  writeG2o(path, graph.T_map_body, graph.held, edges);
+  return graph.factors.size() - edges.size();
 }
 
 }  // namespace raceloc

@@ -2,7 +2,10 @@
  * Pose graphs as g2o text files, for other programs and from public data. */
 #pragma once
 
+#include <cstddef>
+#include <optional>
 #include <string>
+#include <vector>
 
 #include "graph/pose_graph.h"
 
@@ -20,6 +23,18 @@ namespace raceloc {
  * - `held` is the pose of the FIX line, else the first.
  * \throws InputError naming file and line for anything else. */
 [[nodiscard]] PoseGraph readG2o(const std::string& path);
+
+/** An edge as the format has it. */
+struct G2oEdge {
+  std::size_t i, j;
+  Pose T_i_j;
+  Matrix6d information;  ///< of its right increment: rotation [1/rad^2], then translation [1/m^2]
+};
+
+/** Writes VERTEX_SE3:QUAT of every pose, FIX of the held one, EDGE_SE3:QUAT of every edge with the information of
+ * (translation, rotation vector). \throws InputError if the file cannot be written. */
+void writeG2o(const std::string& path, const std::vector<Pose>& poses, std::optional<std::size_t> held,
+              const std::vector<G2oEdge>& edges);
 
 /** Writes poses, the held one and all between factors, without their losses. \return how many other factors
  * were left out, because the format has none like them. \throws InputError if the file cannot be written. */

@@ -11,6 +11,7 @@
 
 #include "core/errors.h"
 #include "core/output_file.h"
+#include "graph/g2o_file.h"
 #include "map/bytes.h"
 #include "sensors/gps_conversion.h"
 
@@ -128,15 +129,6 @@ std::string escaped(const std::string& text) {
   return xml;
 }
 
-std::string poseText(const Pose& T) {
-  const Eigen::Quaterniond q(T.linear());
-  const Eigen::Vector3d p = T.translation();
-  char text[256];
-  std::snprintf(text, sizeof text, " %.17g %.17g %.17g %.17g %.17g %.17g %.17g", p.x(), p.y(), p.z(), q.x(),
-                q.y(), q.z(), q.w());
-  return text;
-}
-
 }  // namespace
 
 void writePly(const std::string& path, const TiledMap& map) {
@@ -229,22 +221,14 @@ void writeKml(const std::string& path, const MapContent& content) {
 }
 
 void writeG2o(const std::string& path, const MapContent& content) {
-  std::string text;
-  for (std::size_t i = 0; i < content.key_poses.size(); ++i)
-    text += "VERTEX_SE3:QUAT " + std::to_string(i) + poseText(content.key_poses[i].T_map_body) + "\n";
-  if (!content.key_poses.empty()) text += "FIX 0\n";
-  for (const MapEdge& e : content.edges) {
-    text += "EDGE_SE3:QUAT " + std::to_string(e.i) + " " + std::to_string(e.j) + poseText(e.T_i_j);
-    constexpr std::array<int, 6> kOrder{3, 4, 5, 0, 1, 2};  // g2o: translation first
-    for (std::size_t row = 0; row < 6; ++row)
-      for (std::size_t column = row; column < 6; ++column) {
-        char number[32];
-        std::snprintf(number, sizeof number, " %.17g", e.information(kOrder[row], kOrder[column]));
-        text += number;
-      }
-    text += "\n";
-  }
-  writeTextFile(path, text);
+  std::vector<Pose> poses;
+  poses.reserve(content.key_poses.size());
+  for (const KeyPose& k : content.key_poses) poses.push_back(k.T_map_body);
+  std::vector<G2oEdge> edges;
+  edges.reserve(content.edges.size());
+  for (const MapEdge& e : content.edges)
+    edges.push_back({static_cast<std::size_t>(e.i), static_cast<std::size_t>(e.j), e.T_i_j, e.information});
+  writeG2o(path, poses, poses.empty() ? std::nullopt : std::optional<std::size_t>(0), edges);
 }
 
 }  // namespace raceloc
