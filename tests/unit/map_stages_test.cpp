@@ -141,14 +141,14 @@ Bytes build(StageStore& store, int& made) {
 TEST_F(StageStoreTest, AKillAtAnyMomentKeepsTheFinishedStages) {
   test::Random rnd(3);
   int resumed_midway = 0;
-  const double whole_s = test::secondsOf([&] {
+  const int changes = test::changesOf([&] {
     StageStore store(path_, StageStore::Open::anew);
     int made = 0;
     build(store, made);
     store.remove();
   });
   for (int round = 0; round < 15; ++round) {
-    test::killedAfter(rnd.uniform(0, whole_s), [&] {
+    test::killedAtChange(rnd.integer(1, changes), [&] {
       StageStore store(path_, StageStore::Open::anew);
       int made = 0;
       build(store, made);
