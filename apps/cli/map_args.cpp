@@ -171,15 +171,13 @@ void build(const BuildArgs& args) {
     if (!path.empty()) probes.push_back(std::make_unique<OutputFile>(path));
 
   const auto start = std::chrono::steady_clock::now();
+  const MapInput input = mapInput(args.log_paths, args.race_line_path, options);
   StageStore store(args.map_path + ".build", args.resume ? StageStore::Open::resume : StageStore::Open::anew);
   std::optional<BuiltMap> built;
-  try {
+  {
     Stages stages;
-    built.emplace(buildMap(args.log_paths, args.race_line_path, store, options, toolVersion(),
+    built.emplace(buildMap(input, store, options, toolVersion(),
                            [&](const std::string& stage, double share) { stages(stage, share); }));
-  } catch (const InputError&) {
-    store.remove();  // another input is another build
-    throw;
   }
   const auto& key_poses = built->content.key_poses;
   saveMap(args.map_path, built->tiles, built->content);

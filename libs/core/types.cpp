@@ -21,13 +21,13 @@ void Cloud::push(const Eigen::Vector3f& p_m, float intensity_share) {
   intensity.push_back(intensity_share);
 }
 
-namespace {
-
 Eigen::Matrix3d skew(const Eigen::Vector3d& v) {
   Eigen::Matrix3d m;
   m << 0, -v.z(), v.y(), v.z(), 0, -v.x(), -v.y(), v.x(), 0;
   return m;
 }
+
+namespace {
 
 /** V of Eq. (174): the translation of exp is V(theta) * rho. */
 Eigen::Matrix3d leftJacobian(const Eigen::Vector3d& theta) {

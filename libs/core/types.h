@@ -59,6 +59,8 @@ struct BodyMotion {
 [[nodiscard]] Matrix6d smallAdjoint(const Vector6d& xi);  ///< ad(xi), Ad(exp(xi)) = exp(ad(xi))
 /** @} */
 
+[[nodiscard]] Eigen::Matrix3d skew(const Eigen::Vector3d& v);  ///< skew(v) w = v x w
+
 constexpr double kDegree = M_PI / 180;             ///< one degree [rad]
 [[nodiscard]] double wrapAngle(double angle_rad);  ///< into [-pi, pi)
 [[nodiscard]] double yawOf(const Pose& pose);      ///< [rad], 0 = east, counter-clockwise

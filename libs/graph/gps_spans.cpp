@@ -32,7 +32,7 @@ std::map<std::string, std::vector<Judged>> judged(const std::vector<Keyframe>& k
       const double claimed_m = worstSigma(gps.cov_map_m2);
       by_receiver[gps.receiver].push_back(
           {key, keyframes[key].stamp_s, off_m, claimed_m,
-           off_m > o.gps_refuse_sigma * std::hypot(claimed_m, o.gps_min_sigma_m),
+           off_m > o.gps_refuse_sigma * worstSigma(flooredFix(gps.cov_map_m2, o)),
            claimed_m > o.gps_poor_sigma_m});
     }
   return by_receiver;
@@ -130,8 +130,8 @@ void refuseUnchained(std::vector<Keyframe>& keyframes, const std::vector<Pose>& 
   for (std::size_t key = 0; key < keyframes.size(); ++key)
     for (KeyGps& gps : keyframes[key].gps) {
       const Eigen::Vector3d antenna_m = led_m[key] + T_map_body[key].linear() * gps.p_body_antenna_m;
-      receivers[gps.receiver].push_back({key, &gps, gps.p_map_antenna_m - antenna_m,
-                                         std::hypot(worstSigma(gps.cov_map_m2), o.gps_min_sigma_m)});
+      receivers[gps.receiver].push_back(
+          {key, &gps, gps.p_map_antenna_m - antenna_m, worstSigma(flooredFix(gps.cov_map_m2, o))});
     }
   for (auto& [receiver, links] : receivers) {
     std::size_t drive = 0;  // the first link of this drive

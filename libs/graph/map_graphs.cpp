@@ -53,7 +53,7 @@ void addGps(PoseGraph& graph, std::size_t i, const Keyframe& k, double width, co
       graph.factors.emplace_back(PositionFactor{i,
                                                 gps.p_map_antenna_m,
                                                 gps.p_body_antenna_m,
-                                                whiteningOf(floored(gps.cov_map_m2, o.gps_min_sigma_m)),
+                                                whiteningOf(flooredFix(gps.cov_map_m2, o)),
                                                 {RobustLoss::Kind::cauchy, width}});
   for (const KeyAttitude& attitude : k.attitudes)
     graph.factors.emplace_back(
@@ -102,6 +102,10 @@ Matrix6d flooredOdometry(const Matrix6d& covariance, const GraphOptions& o) {
   floored.diagonal().head<3>().array() += std::pow(o.odometry_sigma_deg * kDegree, 2);
   floored.diagonal().tail<3>().array() += std::pow(o.odometry_sigma_m, 2);
   return floored;
+}
+
+Eigen::Matrix3d flooredFix(const Eigen::Matrix3d& covariance, const GraphOptions& o) {
+  return floored(covariance, o.gps_min_sigma_m);
 }
 
 std::vector<Pose> alignedOdometry(const std::vector<Keyframe>& keyframes) {

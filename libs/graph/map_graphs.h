@@ -58,6 +58,9 @@ struct GraphSolution {
 /** The odometry's covariance, no better than the options say. */
 [[nodiscard]] Matrix6d flooredOdometry(const Matrix6d& covariance, const GraphOptions& options);
 
+/** A fix's covariance, likewise. */
+[[nodiscard]] Eigen::Matrix3d flooredFix(const Eigen::Matrix3d& covariance, const GraphOptions& options);
+
 /** Of the fixes that were not refused, all axes together; 0 without any. [m] */
 [[nodiscard]] double gpsRmse(const std::vector<Keyframe>& keyframes, const std::vector<Pose>& T_map_body);
 

@@ -44,12 +44,6 @@ Eigen::Matrix<double, N, N> whitening(const Eigen::Matrix<double, N, N>& covaria
   return information.llt().matrixU();
 }
 
-Eigen::Matrix3d skew(const Eigen::Vector3d& v) {
-  Eigen::Matrix3d m;
-  m << 0, -v.z(), v.y(), v.z(), 0, -v.x(), -v.y(), v.x(), 0;
-  return m;
-}
-
 /** Log of SO(3), Eq. (141), through the quaternion because that keeps its digits near 0 and pi. */
 Eigen::Vector3d rotationLog(const Eigen::Matrix3d& R) {
   const Eigen::Quaterniond q(R);

@@ -7,20 +7,18 @@
 #include <vector>
 
 #include "core/statistics.h"
+#include "map/voxel_key.h"
 
 namespace raceloc {
 
 void WallSharpness::add(const Cloud& points_map) {
   for (std::size_t i = 0; i < points_map.size(); ++i) {
     const Eigen::Vector3d p = points_map.point(i).cast<double>();
-    const Eigen::Vector3d corner_m = x_cell_m * (p / x_cell_m).array().floor();
-    // 21 bits an axis: half a million metres each way at the default size.
-    const auto index = [this](double at_m) {
-      constexpr std::int64_t kBias = 1 << 20, kMask = (1 << 21) - 1;
-      return static_cast<std::uint64_t>((std::llround(at_m / x_cell_m) + kBias) & kMask);
-    };
-    Cell& cell = x_cells[index(corner_m.z()) << 42U | index(corner_m.y()) << 21U | index(corner_m.x())];
-    const Eigen::Vector3d d = p - corner_m;
+    const Eigen::Vector3d index = (p / x_cell_m).array().floor();
+    const auto key = voxelKey(index);
+    if (!key) continue;
+    Cell& cell = x_cells[*key];
+    const Eigen::Vector3d d = p - x_cell_m * index;
     ++cell.points;
     cell.sum += d;
     cell.squares += d * d.transpose();

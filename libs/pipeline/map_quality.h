@@ -23,7 +23,8 @@ struct WallThickness {
 class WallSharpness {
  public:
   explicit WallSharpness(double cell_m = 0.5) : x_cell_m(cell_m) {}
-  void add(const Cloud& points_map);  ///< map frame [m]
+  /** Points that are not finite or 2^20 cubes away are passed over. \param points_map  map frame [m] */
+  void add(const Cloud& points_map);
   [[nodiscard]] WallThickness thickness() const;
 
  private:

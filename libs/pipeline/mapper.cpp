@@ -71,7 +71,7 @@ struct Drives {
   std::optional<GeodeticPoint> origin;
 };
 
-Drives survey(const std::vector<std::string>& logs, StageStore& store, ScanStore& scans,
+Drives survey(const std::vector<SurveyLog>& logs, StageStore& store, ScanStore& scans,
               const MapperOptions& options, const StageProgress& progress) {
   Drives drives;
   for (std::size_t n = 0; n < logs.size(); ++n) {
@@ -80,7 +80,7 @@ Drives survey(const std::vector<std::string>& logs, StageStore& store, ScanStore
                                                    std::to_string(drives.origin->longitude_deg) + " " +
                                                    std::to_string(drives.origin->height_m)
                                              : "";
-    const std::string input = inputHash({identityOf(logs[n]), options.iniText(), origin});
+    const std::string input = inputHash({identityOf(logs[n].path), options.iniText(), origin});
     const std::string title = logs.size() == 1
                                   ? "odometry"
                                   : "odometry " + std::to_string(n + 1) + "/" + std::to_string(logs.size());
@@ -95,7 +95,7 @@ Drives survey(const std::vector<std::string>& logs, StageStore& store, ScanStore
       store.put(stage, input, toBytes(found));
     }
     if (logs.size() > 1 && !found.origin)
-      throw InputError("rawlog " + logs[n] +
+      throw InputError("rawlog " + logs[n].path +
                        ": no GPS, so where it belongs among the other logs is not known; map it alone");
     if (!drives.origin) drives.origin = found.origin;
     scans.addSurvey(n, input, found.keyframes.size());
@@ -111,7 +111,7 @@ Drives survey(const std::vector<std::string>& logs, StageStore& store, ScanStore
 
 /** \throws InputError naming a log that was recorded nowhere near those before it. */
 void requireOnePlace(const Drives& drives, const std::vector<Pose>& T_map_body,
-                     const std::vector<std::string>& logs) {
+                     const std::vector<SurveyLog>& logs) {
   constexpr double kNear_m = 200;
   for (std::size_t key = 0; key < T_map_body.size();) {
     const int session = drives.session_of[key];
@@ -125,7 +125,7 @@ void requireOnePlace(const Drives& drives, const std::vector<Pose>& T_map_body,
         near = nearest_m < kNear_m;
       }
     if (!near)
-      throw InputError("rawlog " + logs[static_cast<std::size_t>(session)] + ": of another place, " +
+      throw InputError("rawlog " + logs[static_cast<std::size_t>(session)].path + ": of another place, " +
                        std::to_string(std::lround(nearest_m)) + " m from the logs before it; map it alone");
   }
 }
@@ -145,18 +145,13 @@ struct Loop {
 };
 
 std::optional<Loop> loopOf(const std::vector<Pose>& T_map_body, const Drives& drives,
-                           const std::string& race_line_path, const MapperOptions& options) {
-  std::optional<std::vector<Eigen::Vector3d>> line;
-  if (!race_line_path.empty()) {
-    line = readDrivenLine(race_line_path);
-  } else {
-    for (std::size_t begin = 0; begin < T_map_body.size() && !line;) {
-      std::size_t end = begin + 1;
-      while (end < T_map_body.size() && drives.session_of[end] == drives.session_of[begin]) ++end;
-      const auto at = [&](std::size_t key) { return T_map_body.begin() + static_cast<std::ptrdiff_t>(key); };
-      line = firstFullLap({at(begin), at(end)}, options.first_lap);
-      begin = end;
-    }
+                           std::optional<std::vector<Eigen::Vector3d>> line, const MapperOptions& options) {
+  for (std::size_t begin = 0; begin < T_map_body.size() && !line;) {
+    std::size_t end = begin + 1;
+    while (end < T_map_body.size() && drives.session_of[end] == drives.session_of[begin]) ++end;
+    const auto at = [&](std::size_t key) { return T_map_body.begin() + static_cast<std::ptrdiff_t>(key); };
+    line = firstFullLap({at(begin), at(end)}, options.first_lap);
+    begin = end;
   }
   if (!line) return std::nullopt;
   double length_m = 0;
@@ -179,9 +174,7 @@ std::vector<double> doubtOf(const std::vector<Keyframe>& keyframes, const std::v
                 ? kLost_m
                 : now_m + kDrift_share * keyframes[key].since_last.T_start_end.translation().norm();
     for (const KeyGps& gps : keyframes[key].gps) {
-      const Eigen::Matrix3d C =
-          gps.cov_map_m2 + o.gps_min_sigma_m * o.gps_min_sigma_m * Eigen::Matrix3d::Identity();
-      const double sigma_m = std::sqrt(C.trace() / 3);
+      const double sigma_m = std::sqrt(flooredFix(gps.cov_map_m2, o).trace() / 3);
       const double off_m = (T_map_body[key] * gps.p_body_antenna_m - gps.p_map_antenna_m).norm();
       if (off_m < 3 * sigma_m) now_m = std::min(now_m, kFixes_m + 3 * sigma_m);
     }
@@ -285,8 +278,7 @@ void describeGraphs(MapContent& content, const Drives& drives, const std::vector
                                informationOf(flooredOdometry(k.since_last.covariance, o)),
                                EdgeKind::odometry});
     for (const KeyGps& gps : k.gps) {
-      const Eigen::Matrix3d covariance =
-          gps.cov_map_m2 + o.gps_min_sigma_m * o.gps_min_sigma_m * Eigen::Matrix3d::Identity();
+      const Eigen::Matrix3d covariance = flooredFix(gps.cov_map_m2, o);
       const Eigen::Vector3d off_m = T_map_body[key] * gps.p_body_antenna_m - gps.p_map_antenna_m;
       const RobustLoss loss{RobustLoss::Kind::cauchy, o.gps_robust_width};
       content.fixes.push_back({number(key), gps.receiver, gps.p_map_antenna_m, covariance,
@@ -308,19 +300,18 @@ struct Solved {
   std::vector<GpsSpan> spans;
 };
 
-Solved solve(gpu::Context& context, Drives& drives, const std::vector<std::string>& log_paths,
-             const std::string& race_line_path, const ScanStore& scans, const MapperOptions& options,
-             const StageProgress& progress) {
+Solved solve(gpu::Context& context, Drives& drives, const MapInput& input, const ScanStore& scans,
+             const MapperOptions& options, const StageProgress& progress) {
   auto& keyframes = drives.keyframes;
   progress("graphs", 0);
   GraphSolution gps = solveGraph(GraphKind::gps, keyframes, {}, alignedOdometry(keyframes), options.graph);
-  requireOnePlace(drives, gps.T_map_body, log_paths);
+  requireOnePlace(drives, gps.T_map_body, input.logs);
   refuseUnchained(keyframes, gps.T_map_body, options.graph);
   gps = solveGraph(GraphKind::gps, keyframes, {}, gps.T_map_body, options.graph);
   GraphSolution joint = solveGraph(GraphKind::joint, keyframes, {}, gps.T_map_body, options.graph);
   progress("graphs", 1);
 
-  std::optional<Loop> loop = loopOf(joint.T_map_body, drives, race_line_path, options);
+  std::optional<Loop> loop = loopOf(joint.T_map_body, drives, input.race_line_m, options);
   LoopClosures loops;
   if (loop) loops = closeLoops(context, *loop, drives, joint.T_map_body, scans, options, progress);
 
@@ -448,14 +439,21 @@ MapReport reportOf(const Drives& drives, Solved solved, const StaticScene& scene
 
 }  // namespace
 
-BuiltMap buildMap(const std::vector<std::string>& log_paths, const std::string& race_line_path,
-                  StageStore& store, const MapperOptions& options, const std::string& tool_version,
-                  const StageProgress& progress) {
+MapInput mapInput(const std::vector<std::string>& log_paths, const std::string& race_line_path,
+                  const MapperOptions& options) {
+  MapInput input;
+  if (!race_line_path.empty()) input.race_line_m = readDrivenLine(race_line_path);
+  for (const std::string& path : log_paths) input.logs.push_back(usableLog(path, options.matching.log));
+  return input;
+}
+
+BuiltMap buildMap(const MapInput& input, StageStore& store, const MapperOptions& options,
+                  const std::string& tool_version, const StageProgress& progress) {
   ScanStore scans(store);
-  Drives drives = survey(log_paths, store, scans, options, progress);
+  Drives drives = survey(input.logs, store, scans, options, progress);
   const DeviceOptions& device = options.matching.device;
   gpu::Context context(device.device, 0, device.threads);
-  Solved solved = solve(context, drives, log_paths, race_line_path, scans, options, progress);
+  Solved solved = solve(context, drives, input, scans, options, progress);
   const StaticScene scene = staticScene(drives, scans, solved.joint.T_map_body, options, progress);
 
   progress("tiles", 0);

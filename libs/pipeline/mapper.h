@@ -57,6 +57,16 @@ struct BuiltMap {
   MapReport report;
 };
 
+/** What a map is made of. */
+struct MapInput {
+  std::vector<SurveyLog> logs;
+  std::optional<std::vector<Eigen::Vector3d>> race_line_m;  ///< none: the first full lap, if there is one
+};
+/** Before any work: what is wrong with the files. \param race_line_path  CSV, see readDrivenLine(); may be empty
+ * \throws InputError as usableLog() and readDrivenLine() do. */
+[[nodiscard]] MapInput mapInput(const std::vector<std::string>& log_paths, const std::string& race_line_path,
+                                const MapperOptions& options);
+
 /** A stage of the work, and how far it is (0..1). */
 using StageProgress = std::function<void(const std::string& stage, double share)>;
 
@@ -65,12 +75,10 @@ using StageProgress = std::function<void(const std::string& stage, double share)
  * frame of the first pose; that works for one log only. Memory grows with the map and the key poses, not with the scans:
  * those are kept in the store, as are the finished stages, so that a build with the same inputs goes on where
  * it was killed. The same input gives the same map.
- * \param race_line_path  CSV, see readDrivenLine(); empty: the first full lap, if there is one
- * \param store           of this build
- * \throws InputError as surveyOf() and readDrivenLine() do, for a log without GPS among several, or one whose scans can
- *         be tied to nothing. Source: reading.md section 3. */
-[[nodiscard]] BuiltMap buildMap(const std::vector<std::string>& log_paths, const std::string& race_line_path,
-                                StageStore& store, const MapperOptions& options,
+ * \param store  of this build
+ * \throws InputError as surveyOf() does, for a log without GPS among several, or one of another place.
+ * Source: reading.md section 3. */
+[[nodiscard]] BuiltMap buildMap(const MapInput& input, StageStore& store, const MapperOptions& options,
                                 const std::string& tool_version, const StageProgress& progress);
 
 }  // namespace raceloc

@@ -185,21 +185,23 @@ std::string listed(const FaultCounts& faults) {
 
 }  // namespace
 
-Survey surveyOf(const std::string& log_path, const std::optional<GeodeticPoint>& origin,
+SurveyLog usableLog(const std::string& path, const LogOptions& options) {
+  SurveyLog log{path, summarizeRawlog(path)};
+  requireDevice(log.summary, "lidar", options.lidar_labels);
+  if (options.gps_labels != "*") requireDevice(log.summary, "gps", options.gps_labels);
+  if (options.vehicle_labels != "*") requireDevice(log.summary, "vehicle", options.vehicle_labels);
+  requireOneClock(log.summary, options);
+  return log;
+}
+
+Survey surveyOf(const SurveyLog& log, const std::optional<GeodeticPoint>& origin,
                 const MapperOptions& options, const std::function<void(std::size_t, const Cloud&)>& keep,
                 const std::function<void(double)>& progress) {
-  const LogOptions& log = options.matching.log;
-  const LogSummary summary = summarizeRawlog(log_path);
-  requireDevice(summary, "lidar", log.lidar_labels);
-  if (log.gps_labels != "*") requireDevice(summary, "gps", log.gps_labels);
-  if (log.vehicle_labels != "*") requireDevice(summary, "vehicle", log.vehicle_labels);
-  requireOneClock(summary, log);
-
   const DeviceOptions& device = options.matching.device;
   gpu::Context context(device.device, 0, device.threads);
   DeviceWatch watch(context, device.self_test_every_s);
   Surveyor surveyor(context, options, keep);
-  LogReader reader(log_path, log, origin);
+  LogReader reader(log.path, options.matching.log, origin);
   while (auto sample = reader.next()) {
     watch.at(stampOf(*sample));
     surveyor.add(std::move(*sample));
@@ -208,19 +210,19 @@ Survey surveyOf(const std::string& log_path, const std::optional<GeodeticPoint>&
   surveyor.finish();
   if (surveyor.keyframes.size() < 2)
     throw InputError(
-        "rawlog " + log_path + ": the car passes only " + std::to_string(surveyor.keyframes.size()) +
+        "rawlog " + log.path + ": the car passes only " + std::to_string(surveyor.keyframes.size()) +
         " key pose(s), with " + std::to_string(surveyor.tally().trusted) + " of " +
         std::to_string(surveyor.tally().scans) + " scans trusted; a map needs two or more " +
         std::to_string(options.map.keyframe_distance_m) + " m apart" + listed(surveyor.tally().faults));
   const bool has_gps = std::any_of(surveyor.keyframes.begin(), surveyor.keyframes.end(),
                                    [](const Keyframe& k) { return !k.gps.empty(); });
   if (!has_gps && surveyor.heardGps())
-    throw InputError("rawlog " + log_path + ": GPS fixes of label '" + log.gps_labels +
+    throw InputError("rawlog " + log.path + ": GPS fixes of label '" + options.matching.log.gps_labels +
                      "' are there, but none can be interpolated at a key pose; raise gps_max_gap_s (" +
                      std::to_string(options.map.gps_max_gap_s) + ") in section [map]");
-  return {std::filesystem::path(log_path).filename().string(),
+  return {std::filesystem::path(log.path).filename().string(),
           has_gps ? reader.origin() : std::nullopt,
-          summary.last_s - summary.first_s,
+          log.summary.last_s - log.summary.first_s,
           surveyor.eyes_m(),
           std::move(surveyor.keyframes),
           std::move(surveyor.odometry),

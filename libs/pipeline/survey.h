@@ -59,13 +59,21 @@ struct Survey {
   std::string device_reason;
 };
 
+/** A log that can be surveyed. */
+struct SurveyLog {
+  std::string path;
+  LogSummary summary;
+};
+/** Reads it whole. \throws InputError for a log that cannot be read, has no LiDAR of the configured labels, a device on
+ * another clock, or a pattern that matches no device. */
+[[nodiscard]] SurveyLog usableLog(const std::string& path, const LogOptions& options);
+
 /** One pass over a log: odometry, key poses, what the receivers and the accelerometer said there.
  * \param origin  of the map frame, given by an earlier log; else the log's own first fix
  * \param keep    takes the scan of each key pose (its number in this drive; body frame, de-skewed, thinned to half of the
  *                map's spacing): scans are not kept in memory
- * \throws InputError for a log that cannot be read, has no LiDAR of the configured labels, fewer than two key poses, or
- * a pattern that matches no device; for fixes that can be interpolated at no key pose. */
-[[nodiscard]] Survey surveyOf(const std::string& log_path, const std::optional<GeodeticPoint>& origin,
+ * \throws InputError for fewer than two key poses, or fixes that can be interpolated at no key pose. */
+[[nodiscard]] Survey surveyOf(const SurveyLog& log, const std::optional<GeodeticPoint>& origin,
                               const MapperOptions& options,
                               const std::function<void(std::size_t key, const Cloud& scan)>& keep,
                               const std::function<void(double share)>& progress);
