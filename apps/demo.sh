@@ -17,7 +17,7 @@ export PATH=$PWD/build/demo/bin:$PATH
 simulate=(raceloc-sim --track share/tracks/lor.ini --car ini/sim/indy.ini --devices 'lidar_front gps_* imu vehicle')
 run "${simulate[@]}" --top-speed 20 --laps 1.2 --seed 1 -o build/survey.rawlog
 run "${simulate[@]}" --seed 2 --faults ini/sim/faults/gps_step_20m.ini -o build/race.rawlog
-run raceloc-map -c ini/map.ini -o build/lor.rlmap build/survey.rawlog
+run raceloc-map -c ini/map.ini --replace -o build/lor.rlmap build/survey.rawlog
 run raceloc-live -c ini/live.ini -m build/lor.rlmap -i build/race.rawlog -o build/race_out.rawlog --trajectory build/race.tum
 run raceloc-eval --truth build/race_truth.tum --estimate build/race.tum --report build/report.html
 

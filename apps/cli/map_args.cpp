@@ -22,7 +22,7 @@ constexpr char kHelp[] = R"(NAME
   raceloc-map - survey rawlogs in, one georeferenced map out
 
 SYNOPSIS
-  raceloc-map -c INI -o MAP.rlmap [--race-line LINE.csv] [--resume] SURVEY.rawlog ...
+  raceloc-map -c INI -o MAP.rlmap [--race-line LINE.csv] [--resume | --replace] [--keep] SURVEY.rawlog ...
   raceloc-map info MAP.rlmap
   raceloc-map export MAP.rlmap -o PREFIX FORMAT...
   raceloc-map check MAP.rlmap
@@ -37,9 +37,12 @@ DESCRIPTION
   Writes one SQLite file, and beside it MAP.html and MAP.json (how good it is, and a verdict by the limits in
   section [qa]), MAP.simplemap (robot-map-gui) and MAP.3Dscene (SceneViewer3D). Files appear under their names
   when they are whole. What a run has done so far is in MAP.rlmap.build: after a kill, --resume goes on from there.
+  With --keep it stays when the map is done, and a later --resume with more logs reads those only that are new.
+  A map that is there already is not touched without --resume or --replace.
 
 EXAMPLES
   raceloc-map -c ini/map.ini -o monza.rlmap survey.rawlog
+  raceloc-map -c ini/map.ini -o monza.rlmap --keep saturday.rawlog
   raceloc-map -c ini/map.ini -o monza.rlmap --resume saturday.rawlog sunday.rawlog
   raceloc-map --print-ini > my_map.ini       every key with its meaning, range and default
   raceloc-map -c ini/map.ini -o lap.rlmap --odometry lap_odometry.tum survey.rawlog
@@ -136,7 +139,9 @@ std::optional<MapArgs> parseMapArgs(int argc, char** argv) {
   TCLAP::ValueArg<std::string> race_line(
       "", "race-line", "way-points along this line (columns x_m, y_m) instead of the first full lap", false,
       "", "LINE.csv", cmd);
-  TCLAP::SwitchArg resume("", "resume", "go on with the build of this map that was killed", cmd);
+  TCLAP::SwitchArg resume("", "resume", "go on with the build of this map that was killed or kept", cmd);
+  TCLAP::SwitchArg replace("", "replace", "build a map anew that is there already", cmd);
+  TCLAP::SwitchArg keep("", "keep", "leave MAP.rlmap.build when the map is done, to add logs later", cmd);
   TCLAP::UnlabeledMultiArg<std::string> logs("rawlog", "the survey logs", false, "SURVEY.rawlog ...", cmd);
   if (!cmd.parse(argc, argv)) return std::nullopt;
 
@@ -148,9 +153,9 @@ std::optional<MapArgs> parseMapArgs(int argc, char** argv) {
     if (!ini.isSet()) throw InputError("no options given: -c ini/map.ini (see --help)");
     if (!out.isSet()) throw InputError("no output given: -o MAP.rlmap (see --help)");
   }
-  return BuildArgs{ini.getValue(),       logs.getValue(),     out.getValue(),
-                   race_line.getValue(), odometry.getValue(), trajectory.getValue(),
-                   resume.getValue(),    verbose.getValue(),  print_ini.getValue()};
+  return BuildArgs{ini.getValue(),      logs.getValue(),       out.getValue(),      race_line.getValue(),
+                   odometry.getValue(), trajectory.getValue(), resume.getValue(),   replace.getValue(),
+                   keep.getValue(),     verbose.getValue(),    print_ini.getValue()};
 }
 
 namespace {
@@ -164,6 +169,14 @@ void build(const BuildArgs& args) {
   if (args.verbose) std::cout << options.iniText() << "\n";
   if (std::filesystem::path(args.map_path).extension() != ".rlmap")
     throw InputError("output " + args.map_path + ": a map's name ends in .rlmap");
+  if (args.resume && args.replace)
+    throw InputError("--resume goes on with a map, --replace does not: which?");
+  const std::string store_path = args.map_path + ".build";
+  if (std::filesystem::exists(args.map_path) && !args.replace &&
+      !(args.resume && std::filesystem::exists(store_path)))
+    throw InputError("output " + args.map_path + ": is there already" +
+                     (args.resume ? ", and " + store_path + ", with which to go on, is not" : "") +
+                     "; --replace builds it anew");
   // An output that cannot be written is told before the work, not after.
   std::vector<std::unique_ptr<OutputFile>> probes;
   for (const auto& path : {args.map_path, besides(args.map_path, ".html"), besides(args.map_path, ".json"),
@@ -172,7 +185,7 @@ void build(const BuildArgs& args) {
 
   const auto start = std::chrono::steady_clock::now();
   const MapInput input = mapInput(args.log_paths, args.race_line_path, options);
-  StageStore store(args.map_path + ".build", args.resume ? StageStore::Open::resume : StageStore::Open::anew);
+  StageStore store(store_path, args.resume ? StageStore::Open::resume : StageStore::Open::anew);
   std::optional<BuiltMap> built;
   {
     Stages stages;
@@ -181,7 +194,7 @@ void build(const BuildArgs& args) {
   }
   const auto& key_poses = built->content.key_poses;
   saveMap(args.map_path, built->tiles, built->content);
-  store.remove();
+  if (!args.keep) store.remove();
   if (options.map.write_simplemap)
     writeSimplemap(besides(args.map_path, ".simplemap"), scansOf(built->tiles, key_poses));
   if (options.map.write_scene) writeScene(besides(args.map_path, ".3Dscene"), built->tiles, key_poses);

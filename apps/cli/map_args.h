@@ -15,7 +15,7 @@ struct BuildArgs {
   std::string ini_path;
   std::vector<std::string> log_paths;
   std::string map_path, race_line_path, odometry_path, trajectory_path;
-  bool resume, verbose, print_ini;
+  bool resume, replace, keep, verbose, print_ini;
 };
 
 /** Command line of raceloc-map. */

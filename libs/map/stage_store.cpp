@@ -1,5 +1,7 @@
 #include "map/stage_store.h"
 
+#include <zlib.h>
+
 #include <filesystem>
 #include <stdexcept>
 #include <utility>
@@ -12,7 +14,7 @@ namespace raceloc {
 namespace {
 
 constexpr std::int64_t kApplicationId = 0x524C5354;  // "RLST"
-constexpr std::int64_t kFormatVersion = 1;
+constexpr std::int64_t kFormatVersion = 2;
 constexpr std::size_t kLargest = std::size_t{1} << 29U;  // SQLite takes a little less than twice that
 
 std::int64_t numberOf(SqliteFile& file, const std::string& sql) {
@@ -22,7 +24,8 @@ std::int64_t numberOf(SqliteFile& file, const std::string& sql) {
 
 /** Of the whole row: a result under another name is found as well. */
 std::string checksumOf(const std::string& stage, const std::string& input_hash, const Bytes& result) {
-  return inputHash({stage, input_hash, md5Of(result)});
+  const auto crc = crc32_z(0, reinterpret_cast<const Bytef*>(result.data()), result.size());
+  return inputHash({stage, input_hash, std::to_string(crc)});
 }
 
 }  // namespace

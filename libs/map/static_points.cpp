@@ -85,50 +85,78 @@ void StaticOptions::describe(OptionList& keys) {
   keys.add("passes_per_hit", passes_per_hit, above(0), "... and by more than so many for each that hits it");
 }
 
-/** Columns around a sensor, found without a hash: a ray asks at every step. Knows what the scan touched. */
+/** Columns around a sensor, found without a hash: a ray asks at every step. Remembers what one scan saw there. */
 class StaticVoxels::Window {
  public:
-  Window(Columns& columns, const Voxel& middle, std::uint32_t reach_blocks)
+  Window(const Columns& columns, const Voxel& middle, std::uint32_t reach_blocks)
       : x_first((middle.x >> 2) - reach_blocks),
         y_first((middle.y >> 2) - reach_blocks),
         x_edge(2 * reach_blocks + 1),
         x_columns(static_cast<std::size_t>(x_edge) * x_edge) {
+    std::size_t blocks = 0;
     for (std::uint32_t y = 0; y < x_edge; ++y)
       for (std::uint32_t x = 0; x < x_edge; ++x) {
         const auto found = columns.find(columnKey(x_first + x, y_first + y));
-        if (found != columns.end()) x_columns[static_cast<std::size_t>(y) * x_edge + x] = &found->second;
+        if (found == columns.end()) continue;
+        x_columns[static_cast<std::size_t>(y) * x_edge + x] = {&found->second, blocks};
+        blocks += found->second.blocks.size();
       }
+    x_masks.resize(blocks);
   }
 
-  /** \return nullptr where nothing is held, or outside */
-  [[nodiscard]] Block* at(const Voxel& voxel) const {
+  /** A block, and what the scan saw of it. */
+  struct Here {
+    const Block* block;  ///< nullptr where nothing is held, or outside
+    std::size_t number;  ///< of its masks
+  };
+  [[nodiscard]] Here at(const Voxel& voxel) const {
     const std::uint32_t x = (voxel.x >> 2) - x_first, y = (voxel.y >> 2) - y_first;
-    if (x >= x_edge || y >= x_edge) return nullptr;
-    Column* column = x_columns[static_cast<std::size_t>(y) * x_edge + x];
-    return column == nullptr ? nullptr : blockIn(*column, voxel);
+    if (x >= x_edge || y >= x_edge) return {nullptr, 0};
+    const Place& place = x_columns[static_cast<std::size_t>(y) * x_edge + x];
+    if (place.column == nullptr) return {nullptr, 0};
+    const Block* block = blockIn(*place.column, voxel);
+    if (block == nullptr) return {nullptr, 0};
+    return {block, place.first_mask + static_cast<std::size_t>(block - place.column->blocks.data())};
   }
 
   [[nodiscard]] bool isHit(const Voxel& voxel) const {
-    const Block* block = at(voxel);
-    return block != nullptr && (block->hit & bitOf(voxel)) != 0;
+    const Here here = at(voxel);
+    return here.block != nullptr && (x_masks[here.number].hit & bitOf(voxel)) != 0;
   }
 
-  /** Before its masks change. */
-  void touch(const Voxel& voxel, Block& block) {
-    if ((block.hit | block.seen) == 0)
-      x_touched.push_back({{voxel.x & ~3U, voxel.y & ~3U, voxel.z & ~3U}, &block});
+  /** \return whether it was not yet */
+  bool hit(const Here& here, Mask bit) {
+    const bool first = (x_masks[here.number].hit & bit) == 0;
+    x_masks[here.number].hit |= bit;
+    return first;
+  }
+  void seeThrough(const Here& here, const Voxel& voxel) {
+    Mask& seen = x_masks[here.number].seen;
+    if (seen == 0) x_through.push_back({{voxel.x & ~3U, voxel.y & ~3U, voxel.z & ~3U}, here});
+    seen |= bitOf(voxel);
   }
 
-  struct Touched {
+  struct Through {
     Voxel corner;
-    Block* block;
+    Here here;
   };
-  [[nodiscard]] const std::vector<Touched>& touched() const { return x_touched; }
+  [[nodiscard]] const std::vector<Through>& through() const { return x_through; }
+  [[nodiscard]] Mask missed(const Here& here) const {  ///< seen through, and not hit
+    return x_masks[here.number].seen & ~x_masks[here.number].hit;
+  }
 
  private:
+  struct Place {
+    const Column* column = nullptr;
+    std::size_t first_mask = 0;
+  };
+  struct Masks {
+    Mask hit = 0, seen = 0;
+  };
   std::uint32_t x_first, y_first, x_edge;  ///< blocks
-  std::vector<Column*> x_columns;
-  std::vector<Touched> x_touched;
+  std::vector<Place> x_columns;
+  std::vector<Masks> x_masks;
+  std::vector<Through> x_through;
 };
 
 Eigen::Array3d StaticVoxels::inGrid(const Eigen::Vector3d& p_map_m) const {
@@ -140,18 +168,26 @@ StaticVoxels::Mask StaticVoxels::bitOf(const Voxel& voxel) {
   return Mask(1) << ((voxel.x & 3) | (voxel.y & 3) << 2 | (voxel.z & 3) << 4);
 }
 
-std::size_t StaticVoxels::numberOf(const Block& block, Mask bit) {
-  return block.first_count + bitsIn(block.holds & (bit - 1));
+StaticVoxels::Voxel StaticVoxels::voxelIn(const Voxel& corner, Mask bit) {
+  const auto place = static_cast<std::uint32_t>(bitsIn(bit - 1));
+  return {corner.x | (place & 3), corner.y | (place >> 2 & 3), corner.z | place >> 4};
+}
+
+std::uint32_t StaticVoxels::numberOf(const Block& block, Mask bit) {
+  return block.first_count + static_cast<std::uint32_t>(bitsIn(block.holds & (bit - 1)));
 }
 
 void StaticVoxels::mark(const Cloud& scan_body, const Pose& T_map_body) {
   requireFinite(T_map_body);
-  if (!x_counts.empty()) throw std::logic_error("StaticVoxels: mark() all scans before the first count()");
+  if (!x_marking) throw std::logic_error("StaticVoxels: mark() all scans before endMarking()");
+  std::pair<const std::uint64_t, Column>* last = nullptr;  // points of a scan come column by column
   for (std::size_t i = 0; i < scan_body.size(); ++i) {
     const Eigen::Array3d at = inGrid(T_map_body * scan_body.point(i).cast<double>());
     if (!isInGrid(at)) continue;
     const auto voxel = voxelAt<Voxel>(at);
-    Column& column = x_columns[columnKey(voxel.x >> 2, voxel.y >> 2)];
+    const std::uint64_t key = columnKey(voxel.x >> 2, voxel.y >> 2);
+    if (last == nullptr || last->first != key) last = &*x_columns.try_emplace(key).first;
+    Column& column = last->second;
     const std::uint32_t z_block = voxel.z >> 2;
     if (column.blocks.empty()) column.lowest = z_block;
     if (z_block < column.lowest) {
@@ -163,7 +199,7 @@ void StaticVoxels::mark(const Cloud& scan_body, const Pose& T_map_body) {
   }
 }
 
-void StaticVoxels::startCounting() {
+void StaticVoxels::endMarking() {
   std::size_t voxels = 0;
   for (auto& [key, column] : x_columns)
     for (Block& block : column.blocks) {
@@ -171,10 +207,11 @@ void StaticVoxels::startCounting() {
       voxels += bitsIn(block.holds);
     }
   x_counts.resize(voxels);
+  x_marking = false;
 }
 
-void StaticVoxels::markRay(Window& window, const Eigen::Array3d& sensor, const Eigen::Array3d& end,
-                           double length_m, double end_m) const {
+void StaticVoxels::lookAlong(Window& window, const Eigen::Array3d& sensor, const Eigen::Array3d& end,
+                             double length_m, double end_m) const {
   const double last_m = std::min(length_m - end_m, x_options.range_m);
   if (!(last_m > x_options.near_m)) return;
   // A step is as long as a voxel is wide: of what it cuts only a corner of, a ray proves little.
@@ -183,20 +220,19 @@ void StaticVoxels::markRay(Window& window, const Eigen::Array3d& sensor, const E
   const int steps = static_cast<int>((last_m - x_options.near_m) / x_options.voxel_m);
   for (int k = 0; k <= steps; ++k, at += step) {
     const auto voxel = voxelAt<Voxel>(at);
-    Block* block = window.at(voxel);
-    if (block == nullptr || (bitOf(voxel) & block->holds) == 0) continue;
-    window.touch(voxel, *block);
-    block->seen |= bitOf(voxel);
+    const Window::Here here = window.at(voxel);
+    if (here.block != nullptr && (bitOf(voxel) & here.block->holds) != 0) window.seeThrough(here, voxel);
   }
 }
 
-void StaticVoxels::count(const Cloud& scan_body, const Pose& T_map_body,
-                         const Eigen::Vector3d& p_body_sensor_m) {
+StaticVoxels::Seen StaticVoxels::look(const Cloud& scan_body, const Pose& T_map_body,
+                                      const Eigen::Vector3d& p_body_sensor_m) const {
   requireFinite(T_map_body);
   if (!p_body_sensor_m.allFinite()) throw std::invalid_argument("StaticVoxels: the sensor is not finite");
-  if (x_counts.empty()) startCounting();
+  if (x_marking) throw std::logic_error("StaticVoxels: look() after endMarking()");
+  Seen seen;
   const Eigen::Array3d sensor = inGrid(T_map_body * p_body_sensor_m);
-  if (!isInGrid(sensor)) return;
+  if (!isInGrid(sensor)) return seen;
   const auto reach_blocks = static_cast<std::uint32_t>(x_options.range_m / (4 * x_options.voxel_m)) + 2;
   Window window(x_columns, voxelAt<Voxel>(sensor), reach_blocks);
 
@@ -204,34 +240,43 @@ void StaticVoxels::count(const Cloud& scan_body, const Pose& T_map_body,
   const Eigen::Vector3d up_map = T_map_body.linear().col(2);
   const double slope = up_map.z() > 0 ? std::min(up_map.head<2>().norm() / up_map.z(), kSteepest) : kSteepest;
   const double clear_m = kRough_m + x_options.layer_m + 0.5 * slope * x_options.voxel_m;
+  std::vector<std::uint32_t> far;  // hits outside the window
   for (std::size_t i = 0; i < scan_body.size(); ++i) {
     const Eigen::Vector3d p_body_m = scan_body.point(i).cast<double>();
     const Eigen::Array3d end = inGrid(T_map_body * p_body_m);
     if (!isInGrid(end)) continue;
     const auto voxel = voxelAt<Voxel>(end);
-    if (Block* block = blockOf(x_columns, voxel); block != nullptr && (bitOf(voxel) & block->holds) != 0) {
-      window.touch(voxel, *block);
-      block->hit |= bitOf(voxel);
+    const Mask bit = bitOf(voxel);
+    if (const Window::Here here = window.at(voxel); here.block != nullptr) {
+      if ((bit & here.block->holds) != 0) {
+        if (!window.hit(here, bit)) continue;  // rays that end in one voxel go one way
+        seen.hit.push_back(numberOf(*here.block, bit));
+      }
+    } else if (const Block* block = blockOf(x_columns, voxel);
+               block != nullptr && (bit & block->holds) != 0) {
+      far.push_back(numberOf(*block, bit));
     }
     const Eigen::Vector3d ray_m = p_body_m - p_body_sensor_m;
     const double length_m = ray_m.norm(), longest_m = x_options.end_share * length_m;
     const double fall = std::abs(ray_m.z());
     const double grazing_m = clear_m < x_options.end_share * fall ? clear_m * length_m / fall : longest_m;
-    markRay(window, sensor, end, length_m, std::max(x_options.end_m, grazing_m));
+    lookAlong(window, sensor, end, length_m, std::max(x_options.end_m, grazing_m));
   }
+  std::sort(far.begin(), far.end());
+  seen.hit.insert(seen.hit.end(), far.begin(), std::unique(far.begin(), far.end()));
 
-  for (const auto& touched : window.touched()) {
-    const Block& block = *touched.block;
-    forEachBit(block.hit, [&](Mask bit) { increase(x_counts[numberOf(block, bit)].hits); });
-    forEachBit(block.seen & ~block.hit, [&](Mask bit) {
-      const auto place = static_cast<std::uint32_t>(bitsIn(bit - 1));
-      const Voxel& first = touched.corner;
-      const Voxel voxel{first.x | (place & 3), first.y | (place >> 2 & 3), first.z | place >> 4};
+  for (const auto& [corner, here] : window.through())
+    forEachBit(window.missed(here), [&, &corner = corner, &here = here](Mask bit) {
+      const Voxel voxel = voxelIn(corner, bit);
       if (!anyAround(voxel, 0, [&](const Voxel& near) { return window.isHit(near); }))
-        increase(x_counts[numberOf(block, bit)].passes);
+        seen.through.push_back(numberOf(*here.block, bit));
     });
-  }
-  for (const auto& touched : window.touched()) touched.block->hit = touched.block->seen = 0;
+  return seen;
+}
+
+void StaticVoxels::count(const Seen& seen) {
+  for (const std::uint32_t voxel : seen.hit) increase(x_counts[voxel].hits);
+  for (const std::uint32_t voxel : seen.through) increase(x_counts[voxel].passes);
 }
 
 StaticVoxels::Count StaticVoxels::countOf(const Voxel& voxel) const {
@@ -247,21 +292,38 @@ bool StaticVoxels::outweighHits(double passes, const Voxel& voxel) const {
   return !isHitAsOften(voxel) && !anyAround(voxel, 1, isHitAsOften);
 }
 
-bool StaticVoxels::hasMoved(const Voxel& voxel) const {
+bool StaticVoxels::isSeenThrough(const Voxel& voxel) const {
   const int passes = countOf(voxel).passes;
   return passes >= x_options.min_passes && outweighHits(passes, voxel);
 }
 
+bool StaticVoxels::hasMoved(const Voxel& voxel) const {
+  const Count count = countOf(voxel);
+  if (count.hits == 0 || !outweighHits((count.passes + 1) / kEdgeShare, voxel)) return false;
+  if (isSeenThrough(voxel)) return true;
+  int moved = 0;
+  return anyAround(voxel, kEdgeLayers,
+                   [&](const Voxel& near) { return isSeenThrough(near) && ++moved == kMovedAround; });
+}
+
+void StaticVoxels::endCounting() {
+  for (auto& [key, column] : x_columns)
+    for (std::size_t k = 0; k < column.blocks.size(); ++k) {
+      Block& block = column.blocks[k];
+      const Voxel corner{static_cast<std::uint32_t>(key >> 32) << 2, static_cast<std::uint32_t>(key) << 2,
+                         (column.lowest + static_cast<std::uint32_t>(k)) << 2};
+      forEachBit(block.holds, [&](Mask bit) {
+        if (hasMoved(voxelIn(corner, bit))) block.moved |= bit;
+      });
+    }
+}
+
 bool StaticVoxels::isStatic(const Eigen::Vector3d& p_map_m) const {
   const Eigen::Array3d at = inGrid(p_map_m);
-  if (x_counts.empty() || !isInGrid(at)) return true;
+  if (!isInGrid(at)) return true;
   const auto voxel = voxelAt<Voxel>(at);
-  const Count count = countOf(voxel);
-  if (count.hits == 0 || !outweighHits((count.passes + 1) / kEdgeShare, voxel)) return true;
-  if (hasMoved(voxel)) return false;
-  int moved = 0;
-  return !anyAround(voxel, kEdgeLayers,
-                    [&](const Voxel& near) { return hasMoved(near) && ++moved == kMovedAround; });
+  const Block* block = blockOf(x_columns, voxel);
+  return block == nullptr || (block->moved & bitOf(voxel)) == 0;
 }
 
 Cloud StaticVoxels::staticPart(const Cloud& cloud, const Pose& T_map_cloud) const {

@@ -34,24 +34,37 @@ struct StaticOptions {
  *   voxel's height of a surface parallel to the car's own plane, but at most end_share of the ray,
  * - voxels that it hits, or hits a horizontal neighbour of: a fence or a tree lets rays pass beside those it returns.
  *
- * Goes over the scans twice: mark() all of them, then count() the same ones, each in any order. Memory grows with the
- * space that holds points, not with the scans: 2 bytes a voxel, 32 a block of 4 x 4 x 4. Same scans, same answers. */
+ * Goes over the scans twice: mark() all of them, then look() at the same ones and count() what was seen, each in any
+ * order. Memory grows with the space that holds points, not with the scans: 2 bytes a voxel, 24 a block of 4 x 4 x 4. Same
+ * scans, same answers. */
 class StaticVoxels {
  public:
   explicit StaticVoxels(const StaticOptions& options) : x_options(options) {}
 
   /** First time over the scans: which voxels hold points. Points that are not finite or farther than 2^22 voxels from
    * the map's origin are nowhere.
-   * \throws std::invalid_argument if the pose is not finite, std::logic_error once counting has begun. */
+   * \throws std::invalid_argument if the pose is not finite, std::logic_error after endMarking(). */
   void mark(const Cloud& scan_body, const Pose& T_map_body);
 
-  /** Second time over the scans. Of a scan that was not marked, points in voxels that hold none are left out.
+  /** Between the two times over the scans. */
+  void endMarking();
+
+  /** What one scan tells: numbers of voxels that hold points, each once. */
+  struct Seen {
+    std::vector<std::uint32_t> hit, through;
+  };
+  /** Second time over the scans. Changes nothing, so several threads may look at once. Of a scan that was not marked, points
+   * in voxels that hold none are left out.
    * \param p_body_sensor_m  where the rays begin; of several LiDARs the middle, if none is farther from it than about
    *                         half of near_m
-   * \throws std::invalid_argument if the pose or the position is not finite. */
-  void count(const Cloud& scan_body, const Pose& T_map_body, const Eigen::Vector3d& p_body_sensor_m);
+   * \throws std::invalid_argument if the pose or the position is not finite, std::logic_error before endMarking(). */
+  [[nodiscard]] Seen look(const Cloud& scan_body, const Pose& T_map_body,
+                          const Eigen::Vector3d& p_body_sensor_m) const;
+  void count(const Seen& seen);
+  /** After the last of them: judges every voxel. */
+  void endCounting();
 
-  /** Whether what is there stays: true of places that no scan hit. What sticks to a voxel that moved, on less evidence of
+  /** Whether what is there stays: true of places that no scan hit, and of all before endCounting(). What sticks to a voxel that moved, on less evidence of
    * its own, moved with it: the top of a car that is higher than the LiDAR. */
   [[nodiscard]] bool isStatic(const Eigen::Vector3d& p_map_m) const;
 
@@ -62,7 +75,7 @@ class StaticVoxels {
   using Mask = std::uint64_t;  // a bit for each voxel of a block
   struct Block {
     Mask holds = 0;                 ///< points of some scan
-    Mask hit = 0, seen = 0;         ///< by the scan that is being counted
+    Mask moved = 0;                 ///< known after endCounting()
     std::uint32_t first_count = 0;  ///< the counts of the voxels it holds lie one after the other
   };
   struct Column {
@@ -81,18 +94,20 @@ class StaticVoxels {
   /** In voxels, from a corner far below every map; none has a negative coordinate. */
   [[nodiscard]] Eigen::Array3d inGrid(const Eigen::Vector3d& p_map_m) const;
   [[nodiscard]] static Mask bitOf(const Voxel& voxel);
-  [[nodiscard]] static std::size_t numberOf(const Block& block, Mask bit);  ///< of its count
+  [[nodiscard]] static Voxel voxelIn(const Voxel& corner, Mask bit);  ///< of the block with this lowest voxel
+  [[nodiscard]] static std::uint32_t numberOf(const Block& block, Mask bit);  ///< of its count
   [[nodiscard]] Count countOf(const Voxel& voxel) const;
   /** Of the voxel and of each of the 26 around it. */
   [[nodiscard]] bool outweighHits(double passes, const Voxel& voxel) const;
+  [[nodiscard]] bool isSeenThrough(const Voxel& voxel) const;
   [[nodiscard]] bool hasMoved(const Voxel& voxel) const;
-  void startCounting();
-  void markRay(Window& window, const Eigen::Array3d& sensor, const Eigen::Array3d& end, double length_m,
-               double end_m) const;
+  void lookAlong(Window& window, const Eigen::Array3d& sensor, const Eigen::Array3d& end, double length_m,
+                 double end_m) const;
 
   StaticOptions x_options;
   Columns x_columns;
-  std::vector<Count> x_counts;  ///< empty until counting begins
+  bool x_marking = true;
+  std::vector<Count> x_counts;
 };
 
 }  // namespace raceloc

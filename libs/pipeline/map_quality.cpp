@@ -12,12 +12,14 @@
 namespace raceloc {
 
 void WallSharpness::add(const Cloud& points_map) {
+  std::pair<const std::uint64_t, Cell>* last = nullptr;  // points that follow each other often share a cube
   for (std::size_t i = 0; i < points_map.size(); ++i) {
     const Eigen::Vector3d p = points_map.point(i).cast<double>();
     const Eigen::Vector3d index = (p / x_cell_m).array().floor();
     const auto key = voxelKey(index);
     if (!key) continue;
-    Cell& cell = x_cells[*key];
+    if (last == nullptr || last->first != *key) last = &*x_cells.try_emplace(*key).first;
+    Cell& cell = last->second;
     const Eigen::Vector3d d = p - x_cell_m * index;
     ++cell.points;
     cell.sum += d;

@@ -1,5 +1,9 @@
 #include "pipeline/mapper.h"
 
+#include <tbb/parallel_invoke.h>
+#include <tbb/parallel_pipeline.h>
+#include <tbb/task_arena.h>
+
 #include <algorithm>
 #include <cmath>
 #include <filesystem>
@@ -80,7 +84,7 @@ Drives survey(const std::vector<SurveyLog>& logs, StageStore& store, ScanStore& 
                                                    std::to_string(drives.origin->longitude_deg) + " " +
                                                    std::to_string(drives.origin->height_m)
                                              : "";
-    const std::string input = inputHash({identityOf(logs[n].path), options.iniText(), origin});
+    const std::string input = inputHash({identityOf(logs[n].path), options.resultText(), origin});
     const std::string title = logs.size() == 1
                                   ? "odometry"
                                   : "odometry " + std::to_string(n + 1) + "/" + std::to_string(logs.size());
@@ -341,30 +345,72 @@ struct StaticScene {
   double moving_share;
 };
 
+/** Reads all scans in order; `look` has several of them at once, `take` what it made of them, in order, one by one. */
+template <class Look, class Take>
+void forEachScan(std::size_t scans, const ScanStore& store, int threads, const Look& look, const Take& take) {
+  using KeyScan = std::pair<std::size_t, Cloud>;
+  using Made = decltype(look(std::size_t{}, Cloud()));
+  std::size_t next = 0, taken = 0;
+  const auto read = [&](tbb::flow_control& flow) -> KeyScan {
+    if (next == scans) {
+      flow.stop();
+      return {};
+    }
+    const std::size_t key = next++;
+    return {key, store.scan(key)};
+  };
+  const auto made = [&](KeyScan scan) { return look(scan.first, std::move(scan.second)); };
+  const auto done = [&](Made result) { take(std::move(result), ++taken); };
+  tbb::task_arena(threads).execute([&] {
+    tbb::parallel_pipeline(2 * static_cast<std::size_t>(threads),
+                           tbb::make_filter<void, KeyScan>(tbb::filter_mode::serial_in_order, read) &
+                               tbb::make_filter<KeyScan, Made>(tbb::filter_mode::parallel, made) &
+                               tbb::make_filter<Made, void>(tbb::filter_mode::serial_in_order, done));
+  });
+}
+
 /** Scans are read three times rather than kept: which voxels hold points, which of those others see through, the rest. */
 StaticScene staticScene(const Drives& drives, const ScanStore& scans, const std::vector<Pose>& T_map_body,
                         const MapperOptions& options, const StageProgress& progress) {
-  const auto forEachScan = [&](const char* stage, const auto& take) {
-    for (std::size_t key = 0; key < T_map_body.size(); ++key) {
-      take(key, scans.scan(key), T_map_body[key]);
-      progress(stage, static_cast<double>(key + 1) / static_cast<double>(T_map_body.size()));
-    }
+  const std::size_t keys = T_map_body.size();
+  const int threads = options.matching.device.threads;
+  const auto shareOf = [&](std::size_t taken) {
+    return static_cast<double>(taken) / static_cast<double>(keys);
   };
   StaticVoxels still(options.static_points);
-  forEachScan("moving objects", [&](std::size_t, const Cloud& scan, const Pose& T) { still.mark(scan, T); });
-  forEachScan("moving objects", [&](std::size_t key, const Cloud& scan, const Pose& T) {
-    still.count(scan, T, drives.surveys[static_cast<std::size_t>(drives.session_of[key])].p_body_eyes_m);
-  });
+  forEachScan(
+      keys, scans, threads, [&](std::size_t key, Cloud scan) { return std::make_pair(key, std::move(scan)); },
+      [&](const std::pair<std::size_t, Cloud>& scan, std::size_t taken) {
+        still.mark(scan.second, T_map_body[scan.first]);
+        progress("occupied space", shareOf(taken));
+      });
+  still.endMarking();
+  forEachScan(
+      keys, scans, threads,
+      [&](std::size_t key, const Cloud& scan) {
+        const auto session = static_cast<std::size_t>(drives.session_of[key]);
+        return still.look(scan, T_map_body[key], drives.surveys[session].p_body_eyes_m);
+      },
+      [&](const StaticVoxels::Seen& seen, std::size_t taken) {
+        still.count(seen);
+        progress("moving objects", shareOf(taken));
+      });
+  still.endCounting();
   VoxelAverage average(options.map.point_spacing_m);
   WallSharpness sharpness;
   std::size_t seen = 0, moving = 0;
-  forEachScan("points", [&](std::size_t, const Cloud& whole, const Pose& T) {
-    const Cloud scan = transformed(still.staticPart(whole, T), T);
-    seen += whole.size();
-    moving += whole.size() - scan.size();
-    average.add(scan);
-    sharpness.add(scan);
-  });
+  forEachScan(
+      keys, scans, threads,
+      [&](std::size_t key, const Cloud& whole) {
+        return std::make_pair(whole.size(),
+                              transformed(still.staticPart(whole, T_map_body[key]), T_map_body[key]));
+      },
+      [&](const std::pair<std::size_t, Cloud>& scan, std::size_t taken) {
+        seen += scan.first;
+        moving += scan.first - scan.second.size();
+        tbb::parallel_invoke([&] { average.add(scan.second); }, [&] { sharpness.add(scan.second); });
+        progress("points", shareOf(taken));
+      });
   return {average.cloud(), sharpness.thickness(),
           seen > 0 ? static_cast<double>(moving) / static_cast<double>(seen) : 0};
 }
@@ -374,7 +420,7 @@ MapContent contentOf(const Drives& drives, const Solved& solved, const TiledMap&
   const std::vector<Pose>& T_map_body = solved.joint.T_map_body;
   MapContent content;
   content.info = {drives.origin, options.map.tile_size_m, options.map.point_spacing_m,
-                  tool_version,  options.iniText(),       {}};
+                  tool_version,  options.resultText(),    {}};
   for (const Survey& s : drives.surveys) content.info.sessions.push_back(s.session);
   for (std::size_t key = 0; key < T_map_body.size(); ++key) {
     KeyPose& k = content.key_poses.emplace_back(

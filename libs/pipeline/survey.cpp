@@ -2,11 +2,14 @@
 
 #include <algorithm>
 #include <cmath>
+#include <exception>
 #include <filesystem>
 #include <map>
+#include <thread>
 #include <utility>
 
 #include "cloud/voxel_grid.h"
+#include "core/bounded_queue.h"
 #include "core/errors.h"
 #include "core/statistics.h"
 #include "pipeline/device_watch.h"
@@ -47,6 +50,12 @@ std::string MapperOptions::iniText() const {
          raceloc::iniText("track_id", track_id) + "\n" + raceloc::iniText("first_lap", first_lap) + "\n" +
          raceloc::iniText("loops", loops) + "\n" + raceloc::iniText("static", static_points) + "\n" +
          raceloc::iniText("map", map) + "\n" + raceloc::iniText("qa", qa);
+}
+
+std::string MapperOptions::resultText() const {
+  MapperOptions options = *this;
+  options.matching.device.threads = DeviceOptions{}.threads;
+  return options.iniText();
 }
 
 namespace {
@@ -95,25 +104,60 @@ std::optional<KeyAttitude> attitudeAt(const ReceiverTrack& track, double stamp_s
                      b->before.covariance.topLeftCorner<3, 3>()};
 }
 
+/** Thins and keeps the scans of the key poses, on a thread of its own: that takes about as long as the odometry. */
+class ScanKeeper {
+ public:
+  ScanKeeper(const MapperOptions& options, const std::function<void(std::size_t, const Cloud&)>& keep)
+      : x_thread([this, &options, &keep] {
+          try {
+            gpu::Context context(options.matching.device.device);
+            while (const auto scan = x_queue.pop())
+              keep(scan->first, voxelGrid(context, scan->second, 0.5 * options.map.point_spacing_m));
+          } catch (...) {
+            x_error = std::current_exception();
+          }
+          x_queue.close();
+        }) {}
+  ~ScanKeeper() { stop(); }
+  ScanKeeper(const ScanKeeper&) = delete;
+  ScanKeeper& operator=(const ScanKeeper&) = delete;
+
+  void add(std::size_t key, Cloud scan) {
+    if (!x_queue.push({key, std::move(scan)})) finish();
+  }
+  /** Waits for the last. \throws what keeping one threw. */
+  void finish() {
+    stop();
+    if (x_error) std::rethrow_exception(x_error);
+  }
+
+ private:
+  void stop() {
+    x_queue.close();
+    if (x_thread.joinable()) x_thread.join();
+  }
+  BoundedQueue<std::pair<std::size_t, Cloud>> x_queue{4};
+  std::exception_ptr x_error;  ///< written before the queue is closed, read after it
+  std::thread x_thread;        ///< the last member: it uses the others
+};
+
 /** Samples in, key poses out. */
 class Surveyor {
  public:
   Surveyor(gpu::Context& context, const MapperOptions& options,
            const std::function<void(std::size_t, const Cloud&)>& keep)
-      : x_context(context),
-        x_options(options),
-        x_keep(keep),
-        x_stream(odometryStream(context, options.matching)) {}
+      : x_options(options), x_keeper(options, keep), x_stream(odometryStream(context, options.matching)) {}
 
   void add(Sample sample) {
     if (const auto* fix = std::get_if<GpsFix>(&sample)) x_receivers[fix->label].fixes.push_back(*fix);
     if (const auto* pose = std::get_if<InsPose>(&sample)) x_receivers[pose->label].poses.push_back(*pose);
     if (const auto* scan = std::get_if<Scan>(&sample))
       x_places_m[scan->label] = scan->T_body_lidar.translation();
-    for (const OdometryStep& step : x_stream.add(std::move(sample))) take(step);
+    for (OdometryStep& step : x_stream.add(std::move(sample))) take(std::move(step));
   }
   void finish() {
-    for (const OdometryStep& step : x_stream.finish()) take(step);
+    for (OdometryStep& step : x_stream.finish()) take(std::move(step));
+    x_keeper.finish();
     const double max_gap_s = x_options.map.gps_max_gap_s;
     for (auto& k : keyframes)
       for (const auto& [receiver, track] : x_receivers) {
@@ -137,7 +181,7 @@ class Surveyor {
   std::vector<double> residuals_m, inlier_shares;
 
  private:
-  void take(const OdometryStep& step) {
+  void take(OdometryStep&& step) {
     if (step.trusted && !odometry.poses.empty()) {  // the first one has nothing to match
       residuals_m.push_back(step.match.residual_m);
       inlier_shares.push_back(step.match.inlier_share);
@@ -160,15 +204,14 @@ class Surveyor {
       k.reckoned = x_reckoned;
     }
     if (step.level) k.level = {step.level->up_body, step.level->sigma_rad};
-    x_keep(keyframes.size(), voxelGrid(x_context, step.full_scan, 0.5 * x_options.map.point_spacing_m));
+    x_keeper.add(keyframes.size(), std::move(step.full_scan));
     keyframes.push_back(std::move(k));
     x_since_key = {};
     x_reckoned = BodyMotion{};
   }
 
-  gpu::Context& x_context;
   const MapperOptions& x_options;
-  const std::function<void(std::size_t, const Cloud&)>& x_keep;
+  ScanKeeper x_keeper;
   OdometryStream x_stream;
   std::map<std::string, ReceiverTrack> x_receivers;
   std::map<std::string, Eigen::Vector3d> x_places_m;  ///< of the LiDARs

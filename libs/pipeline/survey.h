@@ -43,6 +43,8 @@ struct MapperOptions {
   /** \throws InputError as IniFile does. */
   static MapperOptions fromIni(const std::string& path);
   [[nodiscard]] std::string iniText() const;  ///< every section with its values: what the map file keeps
+  /** What a result depends on: threads change no bit of it. */
+  [[nodiscard]] std::string resultText() const;
 };
 
 /** One drive. Key poses begin with one whose motion has no duration. */

@@ -1,6 +1,5 @@
 #include "sensors/rawlog_objects.h"
 
-#include <mrpt/io/CFileGZInputStream.h>
 #include <mrpt/maps/registerAllClasses.h>
 #include <mrpt/obs/CObservation.h>
 #include <mrpt/obs/CSensoryFrame.h>
@@ -8,26 +7,11 @@
 
 #include <algorithm>
 #include <cstdint>
-#include <filesystem>
 
 #include "core/errors.h"
-#include "sensors/gzip_length.h"
+#include "sensors/packed_file.h"
 
 namespace raceloc {
-
-/** Counts the bytes after decompression. */
-class CountedFile : public mrpt::io::CFileGZInputStream {
- public:
-  std::size_t Read(void* buffer, std::size_t count) override {
-    const std::size_t got = CFileGZInputStream::Read(buffer, count);
-    if (got <= count) x_bytes += got;
-    return got;
-  }
-  [[nodiscard]] std::uint64_t bytes() const { return x_bytes; }
-
- private:
-  std::uint64_t x_bytes = 0;
-};
 
 namespace {
 
@@ -43,36 +27,48 @@ std::string messageOf(const std::exception& e) {
 }  // namespace
 
 RawlogObjects::RawlogObjects(const std::string& path)
-    : x_path(path), x_file(std::make_unique<CountedFile>()) {
+    : x_path(path), x_file(std::make_unique<PackedFile>(path)) {
   mrpt::maps::registerAllClasses_mrpt_maps();  // else the linker drops the point clouds, and reading stops at
                                                // one
-  std::error_code ignored;
-  if (!std::filesystem::is_regular_file(path, ignored) || !x_file->open(path))
-    throw InputError("rawlog " + path + ": cannot be read; check the path");
+  if (!x_file->good()) throw InputError("rawlog " + path + ": cannot be read; check the path");
+  x_thread = std::thread([this] {
+    try {
+      readAhead();
+    } catch (...) {
+      x_error = std::current_exception();
+    }
+    x_queue.close();
+  });
 }
 
-RawlogObjects::~RawlogObjects() = default;
+RawlogObjects::~RawlogObjects() {
+  x_queue.close();
+  x_thread.join();
+}
 
 std::shared_ptr<mrpt::obs::CObservation> RawlogObjects::next() {
-  if (!x_frame.empty()) {
-    auto observation = x_frame.front();
-    x_frame.pop_front();
-    return observation;
-  }
+  if (auto observation = x_queue.pop()) return std::move(*observation);
+  if (x_error) std::rethrow_exception(x_error);
+  return nullptr;
+}
+
+void RawlogObjects::readAhead() {
+  const auto total = static_cast<double>(std::max<std::uint64_t>(1, x_file->getTotalBytesCount()));
   auto archive = mrpt::serialization::archiveFrom(*x_file);
   try {
     for (;;) {
       const auto object = archive.ReadObject();
       ++x_objects;
-      if (auto observation = std::dynamic_pointer_cast<mrpt::obs::CObservation>(object)) return observation;
-      const auto frame = std::dynamic_pointer_cast<mrpt::obs::CSensoryFrame>(object);
-      if (!frame || frame->begin() == frame->end()) continue;
-      x_frame.assign(frame->begin() + 1, frame->end());
-      return *frame->begin();
+      x_progress = std::min(1.0, static_cast<double>(x_file->getPosition()) / total);
+      if (auto observation = std::dynamic_pointer_cast<mrpt::obs::CObservation>(object)) {
+        if (!x_queue.push(std::move(observation))) return;
+      } else if (const auto frame = std::dynamic_pointer_cast<mrpt::obs::CSensoryFrame>(object)) {
+        for (const auto& in_frame : *frame)
+          if (!x_queue.push(in_frame)) return;
+      }
     }
   } catch (const mrpt::serialization::CExceptionEOF&) {
     requireWhole();
-    return nullptr;
   } catch (const std::exception& e) {
     throw InputError("rawlog " + x_path + ": truncated, damaged or of an unknown class after " +
                      std::to_string(x_objects) + " objects (" + messageOf(e) +
@@ -80,19 +76,12 @@ std::shared_ptr<mrpt::obs::CObservation> RawlogObjects::next() {
   }
 }
 
-void RawlogObjects::requireWhole() const {
-  // A gzip file that is cut ends like a whole one as far as MRPT tells; the length in its trailer does not
-  // fit.
-  const auto stated = statedGzipLength(x_path);
-  if (stated && *stated != static_cast<std::uint32_t>(x_file->bytes()))
-    throw InputError(
-        "rawlog " + x_path + ": truncated after " + std::to_string(x_objects) +
-        " objects; record it again, or if it was put together of several gzip files, unpack it first");
-}
+double RawlogObjects::progress() const { return x_progress; }
 
-double RawlogObjects::progress() const {
-  const auto total = static_cast<double>(std::max<std::uint64_t>(1, x_file->getTotalBytesCount()));
-  return std::min(1.0, static_cast<double>(x_file->getPosition()) / total);
+void RawlogObjects::requireWhole() const {
+  if (x_file->isCut())
+    throw InputError("rawlog " + x_path + ": truncated after " + std::to_string(x_objects) +
+                     " objects; record it again");
 }
 
 }  // namespace raceloc

@@ -2,10 +2,14 @@
  * The observations of a rawlog file, one by one. */
 #pragma once
 
+#include <atomic>
 #include <cstddef>
-#include <deque>
+#include <exception>
 #include <memory>
 #include <string>
+#include <thread>
+
+#include "core/bounded_queue.h"
 
 namespace mrpt::obs {
 class CObservation;
@@ -13,10 +17,11 @@ class CObservation;
 
 namespace raceloc {
 
-class CountedFile;
+class PackedFile;
 
 /** Reads object by object in constant memory, because CRawlog reads whole files and hides that one is
- * truncated. Observations inside a sensory frame come out like the others; actions are skipped. */
+ * truncated. Observations inside a sensory frame come out like the others; actions are skipped. A thread of its own
+ * unpacks a little ahead of next(). */
 class RawlogObjects {
  public:
   /** \throws InputError if the file cannot be read. */
@@ -32,11 +37,17 @@ class RawlogObjects {
   [[nodiscard]] double progress() const;  ///< share of the file that is read, 0..1
 
  private:
+  using Observation = std::shared_ptr<mrpt::obs::CObservation>;
+  void readAhead();
   void requireWhole() const;
+
   std::string x_path;
-  std::unique_ptr<CountedFile> x_file;
-  std::deque<std::shared_ptr<mrpt::obs::CObservation>> x_frame;  ///< of the sensory frame read last
+  std::unique_ptr<PackedFile> x_file;  ///< this and x_objects: of the thread alone while it runs
   std::size_t x_objects = 0;
+  std::atomic<double> x_progress = 0;
+  BoundedQueue<Observation> x_queue{32};
+  std::exception_ptr x_error;  ///< written before the queue is closed, read after it
+  std::thread x_thread;
 };
 
 }  // namespace raceloc

@@ -52,7 +52,7 @@ inline std::vector<std::string> liveCommand(const std::string& ini_path, const s
 /** raceloc-map's command line, writing map.rlmap into `out`. */
 inline std::vector<std::string> mapCommand(const std::string& ini_path, const std::string& log,
                                            const TemporaryFolder& out) {
-  return {app("raceloc-map"), "-c", ini_path, "-o", out / "map.rlmap", log};
+  return {app("raceloc-map"), "-c", ini_path, "--replace", "-o", out / "map.rlmap", log};
 }
 
 }  // namespace raceloc::test

@@ -5,7 +5,9 @@
 #include <sys/inotify.h>
 #include <sys/syscall.h>
 
+#include <algorithm>
 #include <array>
+#include <utility>
 
 #include "apps/apps.h"
 #include "eval/trajectory_errors.h"
@@ -122,15 +124,49 @@ TEST_F(Survey, AnotherDayComesIntoTheSameMap) {
   EXPECT_GT(across, 5U);
 }
 
+TEST_F(Survey, ALogThatIsAddedLaterMakesTheSameMap) {
+  require(runCommand(mapping({log("one_lap"), log("two_laps")})));
+  const std::string at_once = readFile(out / "map.rlmap");
+  require(runCommand(mapping({log("one_lap")}, {"--replace", "--keep"})));
+  require(runCommand(mapping({log("one_lap"), log("two_laps")}, {"--resume"})));
+  EXPECT_TRUE(readFile(out / "map.rlmap") == at_once);
+}
+
+TEST_F(Survey, OneThreadMakesTheSameMapAsTwo) {
+  const auto hash = [&] { return raceloc::MapFile(out / "map.rlmap").contentHash(); };
+  require(runCommand(mapping({log("one_lap")})));
+  const std::string two = hash();
+  auto one = mapping({log("one_lap")}, {"--replace"});
+  std::string options = readFile(ini("map.ini"));
+  const std::string threads = "\nthreads = 2\n";
+  ASSERT_NE(options.find(threads), std::string::npos);
+  writeFile(out / "map.ini", options.replace(options.find(threads), threads.size(), "\nthreads = 1\n"));
+  *std::find(one.begin(), one.end(), ini("map.ini")) = out / "map.ini";
+  require(runCommand(one));
+  EXPECT_EQ(hash(), two);
+}
+
+TEST_F(Survey, AMapThatIsThereStays) {
+  writeFile(out / "map.rlmap", "a map");
+  for (const std::vector<std::string>& options : {std::vector<std::string>{}, {"--resume"}}) {
+    const auto result = runCommand(mapping({log("one_lap")}, options));
+    EXPECT_EQ(result.exit_code, 2);
+    EXPECT_THAT(result.err, HasSubstr("map.rlmap: is there already"));
+    EXPECT_THAT(result.err, HasSubstr("--replace"));
+  }
+  EXPECT_EQ(readFile(out / "map.rlmap"), "a map");
+}
+
 TEST_F(Survey, KilledAtAnyMomentItGoesOnAndMakesTheSameMap) {
   require(runCommand(mapping({log("one_lap")})));
   const std::string whole = readFile(out / "map.rlmap");
   const int watch = inotify_init1(IN_CLOEXEC);
   ASSERT_GE(watch, 0);
   ASSERT_GE(inotify_add_watch(watch, (out / "").c_str(), IN_MODIFY), 0);
+  std::string how = "--replace";
   for (const int events : {5, 300, 900}) {
     {
-      RunningCommand map(mapping({log("one_lap")}, {"--resume"}));
+      RunningCommand map(mapping({log("one_lap")}, {std::exchange(how, "--resume")}));
       if (!waitFor(events, map, watch)) continue;  // it was ready before
       map.kill();
       EXPECT_EQ(map.wait().exit_code, 128 + SIGKILL);

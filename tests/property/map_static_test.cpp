@@ -131,7 +131,9 @@ std::vector<SeenScan> surveyed(const Course& course, Random& rnd) {
 StaticVoxels counted(const std::vector<SeenScan>& scans, const StaticOptions& options = {}) {
   StaticVoxels voxels(options);
   for (const SeenScan& s : scans) voxels.mark(s.scan_body, s.T_map_body);
-  for (const SeenScan& s : scans) voxels.count(s.scan_body, s.T_map_body, s.p_body_sensor_m);
+  voxels.endMarking();
+  for (const SeenScan& s : scans) voxels.count(voxels.look(s.scan_body, s.T_map_body, s.p_body_sensor_m));
+  voxels.endCounting();
   return voxels;
 }
 
@@ -213,7 +215,9 @@ bool staysAhead(double ahead_m, double end_m, int hits, int passes, const Static
   scans.insert(scans.begin() + rnd.integer(0, hits), static_cast<std::size_t>(passes), &beyond);
   StaticVoxels voxels(options);
   for (const Cloud* scan : scans) voxels.mark(*scan, T_map_body);
-  for (const Cloud* scan : scans) voxels.count(*scan, T_map_body, Eigen::Vector3d::Zero());
+  voxels.endMarking();
+  for (const Cloud* scan : scans) voxels.count(voxels.look(*scan, T_map_body, Eigen::Vector3d::Zero()));
+  voxels.endCounting();
   return !voxels.staticPart(thing, T_map_body).empty();
 }
 
@@ -265,7 +269,9 @@ TEST(StaticVoxelsProperty, PlacesThatNoScanHitAreStatic) {
     for (int i = 0; i < 100; ++i) cloud.push(rnd.vectorWithin(50).cast<float>());
     voxels.mark(cloud, Pose::Identity());
     EXPECT_TRUE(voxels.isStatic(rnd.vectorWithin(100)));
-    voxels.count(cloud, Pose::Identity(), Eigen::Vector3d::Zero());
+    voxels.endMarking();
+    voxels.count(voxels.look(cloud, Pose::Identity(), Eigen::Vector3d::Zero()));
+    voxels.endCounting();
     EXPECT_TRUE(voxels.isStatic(1000 * rnd.vectorWithin(1).normalized()));
     EXPECT_TRUE(voxels.isStatic(1e9 * rnd.vectorWithin(1).normalized()));
   });
@@ -282,8 +288,11 @@ TEST(StaticVoxelsProperty, PointsThatWereNotMarkedCountForNothing) {
     const int hits = rnd.integer(1, 9), passes = rnd.integer(0, 20);
     StaticVoxels voxels({});
     voxels.mark(thing, Pose::Identity());
-    for (int i = 0; i < hits; ++i) voxels.count(scan, Pose::Identity(), Eigen::Vector3d::Zero());
-    for (int i = 0; i < passes; ++i) voxels.count(beyond, Pose::Identity(), Eigen::Vector3d::Zero());
+    voxels.endMarking();
+    for (int i = 0; i < hits; ++i) voxels.count(voxels.look(scan, Pose::Identity(), Eigen::Vector3d::Zero()));
+    for (int i = 0; i < passes; ++i)
+      voxels.count(voxels.look(beyond, Pose::Identity(), Eigen::Vector3d::Zero()));
+    voxels.endCounting();
     EXPECT_EQ(voxels.isStatic({20, 0, 0}), passes < 3 || passes <= 3 * hits) << passes << " / " << hits;
   });
 }
@@ -297,8 +306,10 @@ TEST(StaticVoxelsProperty, IntensitiesStayWithTheirPoints) {
     cloud.push({i == 5 ? 20.0F : 30.0F + static_cast<float>(i), 0, 0}, 0.1F * static_cast<float>(i));
   voxels.mark(thing, Pose::Identity());
   voxels.mark(beyond, Pose::Identity());
-  voxels.count(thing, Pose::Identity(), Eigen::Vector3d::Zero());
-  for (int i = 0; i < 10; ++i) voxels.count(beyond, Pose::Identity(), Eigen::Vector3d::Zero());
+  voxels.endMarking();
+  voxels.count(voxels.look(thing, Pose::Identity(), Eigen::Vector3d::Zero()));
+  for (int i = 0; i < 10; ++i) voxels.count(voxels.look(beyond, Pose::Identity(), Eigen::Vector3d::Zero()));
+  voxels.endCounting();
   const Cloud part = voxels.staticPart(cloud, Pose::Identity());
   ASSERT_EQ(part.size(), 9U);
   for (std::size_t i = 0; i < part.size(); ++i) EXPECT_FLOAT_EQ(part.intensity[i], 0.1F * (part.x[i] - 30));
@@ -314,9 +325,14 @@ TEST(StaticVoxelsProperty, RefusesWhatIsNotFiniteAndScansThatComeTooLate) {
   StaticVoxels voxels({});
   EXPECT_THROW(voxels.mark(cloud, T_bad), std::invalid_argument);
   voxels.mark(cloud, Pose::Identity());
-  EXPECT_THROW(voxels.count(cloud, T_bad, Eigen::Vector3d::Zero()), std::invalid_argument);
-  EXPECT_THROW(voxels.count(cloud, Pose::Identity(), Eigen::Vector3d(nan, 0, 0)), std::invalid_argument);
-  voxels.count(cloud, Pose::Identity(), Eigen::Vector3d::Zero());
+  EXPECT_THROW(static_cast<void>(voxels.look(cloud, Pose::Identity(), Eigen::Vector3d::Zero())),
+               std::logic_error);
+  voxels.endMarking();
+  EXPECT_THROW(static_cast<void>(voxels.look(cloud, T_bad, Eigen::Vector3d::Zero())), std::invalid_argument);
+  EXPECT_THROW(static_cast<void>(voxels.look(cloud, Pose::Identity(), Eigen::Vector3d(nan, 0, 0))),
+               std::invalid_argument);
+  voxels.count(voxels.look(cloud, Pose::Identity(), Eigen::Vector3d::Zero()));
+  voxels.endCounting();
   EXPECT_THROW(voxels.mark(cloud, Pose::Identity()), std::logic_error);
   EXPECT_EQ(voxels.staticPart(cloud, Pose::Identity()).size(), 2U);
 }
