@@ -2,13 +2,12 @@
  * The four apps, and the files that the fixtures of tests/apps/CMakeLists.txt made with them. */
 #pragma once
 
-#include <fstream>
-#include <iterator>
 #include <stdexcept>
 #include <string>
 #include <utility>
 #include <vector>
 
+#include "support/files.h"
 #include "support/run_command.h"
 
 namespace raceloc::test {
@@ -17,14 +16,6 @@ namespace raceloc::test {
 inline std::string app(const std::string& name) { return APPS + name; }
 /** Path of a shipped ini file. */
 inline std::string ini(const std::string& name) { return INI + name; }
-
-inline std::string readFile(const std::string& path) {
-  std::ifstream in(path, std::ios::binary);
-  return {std::istreambuf_iterator<char>(in), {}};
-}
-inline void writeFile(const std::string& path, const std::string& text) {
-  std::ofstream(path, std::ios::binary) << text;
-}
 
 /** For the steps that a test builds on. \throws std::runtime_error with the program's own words if it failed. */
 inline CommandResult require(CommandResult run) {
