@@ -59,7 +59,7 @@ std::string besides(const std::string& map_path, const std::string& extension) {
 }
 
 void print(const SessionReport& r, bool named) {
-  if (named) std::printf("session          %s\n", r.session.c_str());
+  if (named) std::printf("session          %s%s\n", r.session.c_str(), r.kept ? ", read before" : "");
   std::printf("device           %s\n", r.device_reason.c_str());
   printOdometry(r.odometry, r.recorded_s, r.dropped_late);
   std::printf("scan match       residual %.3f m across the surface, inlier share %.2f (medians)\n",
@@ -172,20 +172,28 @@ void build(const BuildArgs& args) {
   if (args.resume && args.replace)
     throw InputError("--resume goes on with a map, --replace does not: which?");
   const std::string store_path = args.map_path + ".build";
-  if (std::filesystem::exists(args.map_path) && !args.replace &&
-      !(args.resume && std::filesystem::exists(store_path)))
+  std::error_code unknown;  // OutputFile knows better what is wrong
+  if (std::filesystem::exists(args.map_path, unknown) && !args.replace &&
+      !(args.resume && std::filesystem::exists(store_path, unknown)))
     throw InputError("output " + args.map_path + ": is there already" +
                      (args.resume ? ", and " + store_path + ", with which to go on, is not" : "") +
                      "; --replace builds it anew");
-  // An output that cannot be written is told before the work, not after.
-  std::vector<std::unique_ptr<OutputFile>> probes;
-  for (const auto& path : {args.map_path, besides(args.map_path, ".html"), besides(args.map_path, ".json"),
-                           args.odometry_path, args.trajectory_path})
-    if (!path.empty()) probes.push_back(std::make_unique<OutputFile>(path));
+  const std::string simplemap_path = options.map.write_simplemap ? besides(args.map_path, ".simplemap") : "";
+  const std::string scene_path = options.map.write_scene ? besides(args.map_path, ".3Dscene") : "";
 
   const auto start = std::chrono::steady_clock::now();
   const MapInput input = mapInput(args.log_paths, args.race_line_path, options);
+  // The store is locked first: another run on the same map would take the files away that this one writes.
+  const bool had_store = std::filesystem::exists(store_path, unknown);
   StageStore store(store_path, args.resume ? StageStore::Open::resume : StageStore::Open::anew);
+  try {  // an output that cannot be written is told before the work, not after
+    for (const auto& path : {args.map_path, besides(args.map_path, ".html"), besides(args.map_path, ".json"),
+                             simplemap_path, scene_path, args.odometry_path, args.trajectory_path})
+      if (!path.empty()) OutputFile{path};
+  } catch (const InputError&) {
+    if (!had_store) store.remove();
+    throw;
+  }
   std::optional<BuiltMap> built;
   {
     Stages stages;
@@ -194,21 +202,17 @@ void build(const BuildArgs& args) {
   }
   const auto& key_poses = built->content.key_poses;
   saveMap(args.map_path, built->tiles, built->content);
-  if (!args.keep) store.remove();
-  if (options.map.write_simplemap)
-    writeSimplemap(besides(args.map_path, ".simplemap"), scansOf(built->tiles, key_poses));
-  if (options.map.write_scene) writeScene(besides(args.map_path, ".3Dscene"), built->tiles, key_poses);
+  if (!simplemap_path.empty()) writeSimplemap(simplemap_path, scansOf(built->tiles, key_poses));
+  if (!scene_path.empty()) writeScene(scene_path, built->tiles, key_poses);
   if (!args.odometry_path.empty()) writeTum(args.odometry_path, built->odometry.front());
-  if (!args.trajectory_path.empty()) {
-    Trajectory trajectory{built->content.info.origin, {}};
-    for (const auto& k : key_poses) trajectory.poses.push_back({k.stamp_s, k.T_map_body});
-    writeTum(args.trajectory_path, trajectory);
-  }
+  if (!args.trajectory_path.empty())
+    writePoses(args.trajectory_path, built->content, [](const KeyPose& k) { return k.T_map_body; });
 
   const QaResult qa = qaOf(built->content, built->report, options.qa);
+  writeTextFile(besides(args.map_path, ".json"), qaJson(*built, qa));
   writeTextFile(besides(args.map_path, ".html"),
                 qaPage(std::filesystem::path(args.map_path).stem().string(), *built, qa, options.qa));
-  writeTextFile(besides(args.map_path, ".json"), qaJson(*built, qa));
+  if (!args.keep) store.remove();
 
   print(built->report, built->content.info);
   std::printf("verdict          %s\n", verdict(qa).c_str());

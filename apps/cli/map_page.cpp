@@ -100,8 +100,8 @@ std::string qaPage(const std::string& title, const BuiltMap& built, const QaResu
   const auto picture = [&](const std::function<std::string()>& draw) -> std::string {
     try {
       return inlinedSvg(draw());
-    } catch (const InputError& missing) {
-      return "<p class=\"warning\">" + escaped(missing.what()) + "</p>\n";
+    } catch (const std::exception& failed) {  // the figures are worth having without the picture
+      return "<p class=\"warning\">" + escaped(failed.what()) + "</p>\n";
     }
   };
   std::string body = "<p class=\"" + std::string(qa.passed() ? "pass" : "warning") + "\"><b>" +

@@ -167,7 +167,8 @@ void printLines(const MapContent& content) {
               static_cast<std::ptrdiff_t>(content.walls.size()) - left);
 }
 
-/** The key poses of which `poseOf` has a pose, in order of time. */
+}  // namespace
+
 void writePoses(const std::string& path, const MapContent& content,
                 const std::function<std::optional<Pose>(const KeyPose&)>& poseOf) {
   Trajectory trajectory{content.info.origin, {}};
@@ -182,8 +183,6 @@ void writePoses(const std::string& path, const MapContent& content,
   writeTum(path, trajectory);
   std::printf("written          %s\n", path.c_str());
 }
-
-}  // namespace
 
 std::optional<MapInfoArgs> parseMapInfo(std::vector<std::string> words) {
   return parseMapAlone<MapInfoArgs>(kInfoManual, std::move(words));

@@ -2,10 +2,13 @@
  * A finished map: what is in it, other formats of it, and whether it is whole. */
 #pragma once
 
+#include <functional>
 #include <optional>
 #include <set>
 #include <string>
 #include <vector>
+
+#include "map/map_content.h"
 
 namespace raceloc {
 
@@ -27,10 +30,16 @@ struct MapCheckArgs {
 [[nodiscard]] std::optional<MapCheckArgs> parseMapCheck(std::vector<std::string> words);
 /** @} */
 
-/** \name What they do. \throws InputError for a map that is missing or damaged, and outputs that cannot be written. @{ */
+/** \name What they do. \throws InputError for a map that is missing or damaged, and outputs that cannot be written.
+ * @{ */
 void mapInfo(const MapInfoArgs& args);
 void mapExport(const MapExportArgs& args);
 void mapCheck(const MapCheckArgs& args);
 /** @} */
+
+/** Writes the key poses of which `poseOf` has a pose, in order of time (TUM), and prints the file's name.
+ * \throws InputError if it cannot be written */
+void writePoses(const std::string& path, const MapContent& content,
+                const std::function<std::optional<Pose>(const KeyPose&)>& poseOf);
 
 }  // namespace raceloc

@@ -7,8 +7,8 @@
 
 namespace raceloc {
 
-/** A PNG of a circuit from above, drawn by gnuplot: road, walls and what stands beside it, the racing line coloured by its
- * speed, a numbered way-point every 100 m, the start and the direction of driving.
+/** A PNG of a circuit from above, drawn by gnuplot: road, walls and what stands beside it, the racing line coloured
+ * by its speed, a numbered way-point every 100 m, the start and the direction of driving.
  * \throws InputError if gnuplot is not installed. */
 [[nodiscard]] std::string trackPreview(const Circuit& circuit, const RacingLine& line,
                                        const SpeedProfile& profile);

@@ -33,27 +33,28 @@ struct DeskewedScan {
 /** \param scans one or more \throws InputError as endOfSweep() does. */
 [[nodiscard]] Sweep sweepOf(std::vector<Scan> scans);
 
-/** Steps of a sweep's motion, taken as straight within a step. At 10 Hz: 3 ms each for one LiDAR, 5 ms for three in turn,
- * up to 13 ms with a late one. */
+/** Steps of a sweep's motion, taken as straight within a step. At 10 Hz: 3 ms each for one LiDAR, 5 ms for three in
+ * turn, up to 13 ms with a late one. */
 inline constexpr int kSweepSteps = 32;
 
-/** Poses of the body at equal steps over a sweep, in the frame that it has at the begin: kSweepSteps + 1, the first is the
- * identity. */
+/** Poses of the body at equal steps over a sweep, in the frame that it has at the begin: kSweepSteps + 1, the first
+ * is the identity. */
 using SweepPoses = std::vector<Pose>;
 
 /** Of a body that keeps its twist (rotation [rad/s], translation [m/s], in its own axes). */
 [[nodiscard]] SweepPoses steadySweep(const Vector6d& twist, double sweep_s);
 
-/** Moves every point of every scan into the body frame at the end of the sweep, in six degrees of freedom, by its LiDAR's
- * place on the car and the motion at its own time: p_end = T_end_t * T_body_lidar * p_lidar(t). The end is the latest of all
- * scans: the newest instant at which the motion is known, so that a pose is not older than it must be. A scan without point
- * times is of one instant, its stamp, and alone it is taken as it is (already compensated by its source). Points outside
- * `crop` are dropped. */
+/** Moves every point of every scan into the body frame at the end of the sweep, in six degrees of freedom, by its
+ * LiDAR's place on the car and the motion at its own time: p_end = T_end_t * T_body_lidar * p_lidar(t). The end is
+ * the latest of all scans: the newest instant at which the motion is known, so that a pose is not older than it must
+ * be. A scan without point times is of one instant, its stamp, and alone it is taken as it is (already compensated by
+ * its source). Points outside `crop` are dropped. */
 [[nodiscard]] DeskewedScan deskew(gpu::Context& context, const Sweep& sweep, const SweepPoses& T_begin_at,
                                   const CropOptions& crop);
 
-/** A sweep made ready for a match: de-skewed, cropped, one point a voxel, with covariances; body frame at its end. The scan of
- * one LiDAR stays on the device from step to step. \param full  may be null; else it takes what deskew() gives */
+/** A sweep made ready for a match: de-skewed, cropped, one point a voxel, with covariances; body frame at its end.
+ * The scan of one LiDAR stays on the device from step to step. \param full  may be null; else it takes what deskew()
+ * gives */
 [[nodiscard]] CovarianceCloud prepare(gpu::Context& context, const Sweep& sweep, const SweepPoses& T_begin_at,
                                       const CropOptions& crop, double voxel_size_m,
                                       const CovarianceOptions& covariance, Cloud* full = nullptr);

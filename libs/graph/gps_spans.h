@@ -36,8 +36,8 @@ struct GpsSpan {
  * chain are as far apart, and in such a direction, as the odometry between them says, within 4 of their sigmas,
  * gps_chain_share of the way and 0.05 m. So a receiver that jumps aside and back is refused for as long as it was away,
  * also where it outnumbers everything else there; and one that strews its fixes is refused altogether. A chain may
- * leave out what was driven in gps_chain_reach_s. Fixes that were refused before have a new chance. A receiver that creeps
- * away, below these limits from one fix to the next, takes its chain along: that is not found here.
+ * leave out what was driven in gps_chain_reach_s. Fixes that were refused before have a new chance. A receiver that
+ * creeps away, below these limits from one fix to the next, takes its chain along: that is not found here.
  * \param T_map_body  for its attitudes only: those of a solution that is right about them */
 void refuseUnchained(std::vector<Keyframe>& keyframes, const std::vector<Pose>& T_map_body,
                      const GraphOptions& options);

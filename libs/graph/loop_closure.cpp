@@ -43,10 +43,6 @@ void LoopOptions::describe(OptionList& keys) {
 
 // ---- Odometry between key poses
 
-OdometryChain::OdometryChain(const std::vector<Keyframe>& keyframes) {
-  for (const auto& keyframe : keyframes) add(keyframe.since_last);
-}
-
 void OdometryChain::add(const BodyMotion& since_last) {
   if (x_keys.empty() || !(since_last.duration_s > 0)) {
     const bool first = x_keys.empty();

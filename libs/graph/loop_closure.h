@@ -45,8 +45,6 @@ struct LoopOptions {
  * a new part (a session): no odometry leads to it. */
 class OdometryChain {
  public:
-  OdometryChain() = default;
-  explicit OdometryChain(const std::vector<Keyframe>& keyframes);
   void add(const BodyMotion& since_last);
 
   [[nodiscard]] std::size_t size() const { return x_keys.size(); }
@@ -103,10 +101,10 @@ struct LoopMatch {
 /** The scan of a key pose: body frame, de-skewed; called as often as submaps need it. */
 using KeyScans = std::function<Cloud(std::size_t key)>;
 
-/** Matches candidates by submaps: up to submap_scans key scans within submap_m along the drive, by odometry in the frame
- * of the key pose, one point a voxel. From the guess by alignWithSearch() within drift_m; then, from steps of apart_m / 2
- * to both sides along the weakest direction of that match, by align(): where those settle elsewhere and fit nearly as
- * well (rival_share), the place repeats itself. Keeps references to the context and the chain. */
+/** Matches candidates by submaps: up to submap_scans key scans within submap_m along the drive, by odometry in the
+ * frame of the key pose, one point a voxel. From the guess by alignWithSearch() within drift_m; then, from steps of
+ * apart_m / 2 to both sides along the weakest direction of that match, by align(): where those settle elsewhere and
+ * fit nearly as well (rival_share), the place repeats itself. Keeps references to the context and the chain. */
 class LoopMatcher {
  public:
   LoopMatcher(gpu::Context& context, const OdometryChain& chain, KeyScans scans, const LoopOptions& options,
@@ -171,7 +169,8 @@ struct LoopClosures {
  * they agree with min_agreeing kept neighbours and contradict none.
  *
  * The covariances of the odometry must be honest: floor them before. Pure: the order of the matches does not matter
- * but for ties. Source: pairwise consistency, Mangelson et al., ICRA 2018; here on windows of the drive, with rivals. */
+ * but for ties. Source: pairwise consistency, Mangelson et al., ICRA 2018; here on windows of the drive, with rivals.
+ * */
 [[nodiscard]] LoopClosures consistentLoops(const std::vector<LoopMatch>& matches, const OdometryChain& chain,
                                            const LoopOptions& options);
 

@@ -64,17 +64,32 @@ void addGps(PoseGraph& graph, std::size_t i, const Keyframe& k, double width, co
   if (k.attitudes.empty()) addLevel(graph, i, k, o);
 }
 
+std::size_t endOfDrive(const std::vector<Keyframe>& keyframes, std::size_t begin) {
+  std::size_t end = begin + 1;
+  while (end < keyframes.size() && !beginsDrive(keyframes[end])) ++end;
+  return end;
+}
+
+bool believesFixes(const std::vector<Keyframe>& keyframes, std::size_t begin, std::size_t end) {
+  for (std::size_t i = begin; i < end; ++i)
+    for (const KeyGps& gps : keyframes[i].gps)
+      if (!gps.refused) return true;
+  return false;
+}
+
 PoseGraph graphOf(GraphKind kind, const std::vector<Keyframe>& keyframes, const std::vector<LoopEdge>& loops,
                   std::vector<Pose> T_start, double gps_width, const GraphOptions& o) {
   PoseGraph graph;
   graph.T_map_body = std::move(T_start);
+  const bool has_gps = kind != GraphKind::lidar && believesFixes(keyframes, 0, keyframes.size());
+  if (kind != GraphKind::lidar && !has_gps) graph.held = 0;
   for (std::size_t i = 0; i < keyframes.size(); ++i) {
     const Keyframe& k = keyframes[i];
     if (!beginsDrive(k)) {
       const BodyMotion& motion = kind == GraphKind::gps && k.reckoned ? *k.reckoned : k.since_last;
       graph.factors.emplace_back(BetweenFactor{
           i - 1, i, motion.T_start_end, whiteningOf(flooredOdometry(motion.covariance, o)), {}});
-    } else if (kind == GraphKind::lidar) {
+    } else if (kind == GraphKind::lidar || !believesFixes(keyframes, i, endOfDrive(keyframes, i))) {
       Vector6d sigma;
       sigma << Eigen::Vector3d::Constant(30 * kDegree), Eigen::Vector3d::Constant(100);
       graph.factors.emplace_back(
@@ -89,9 +104,6 @@ PoseGraph graphOf(GraphKind kind, const std::vector<Keyframe>& keyframes, const 
     for (const LoopEdge& loop : loops)
       graph.factors.emplace_back(
           BetweenFactor{loop.i, loop.j, loop.T_i_j, whiteningOf(loop.covariance), kOnLoops});
-  const bool has_gps =
-      std::any_of(keyframes.begin(), keyframes.end(), [](const Keyframe& k) { return !k.gps.empty(); });
-  if (kind != GraphKind::lidar && !has_gps) graph.held = 0;
   return graph;
 }
 
@@ -111,8 +123,7 @@ Eigen::Matrix3d flooredFix(const Eigen::Matrix3d& covariance, const GraphOptions
 std::vector<Pose> alignedOdometry(const std::vector<Keyframe>& keyframes) {
   std::vector<Pose> T_map_body;
   for (std::size_t begin = 0; begin < keyframes.size();) {
-    std::size_t end = begin + 1;
-    while (end < keyframes.size() && !beginsDrive(keyframes[end])) ++end;
+    const std::size_t end = endOfDrive(keyframes, begin);
     std::vector<Eigen::Vector3d> odom_m, map_m;
     Eigen::Vector3d up_odom = Eigen::Vector3d::Zero();
     for (std::size_t i = begin; i < end; ++i) {
@@ -140,14 +151,14 @@ GraphSolution solveGraph(GraphKind kind, const std::vector<Keyframe>& keyframes,
     throw std::invalid_argument("solveGraph: needs 2 or more key poses, and a start for each");
   OptimiseOptions solver;
   solver.max_iterations = o.max_iterations;
-  GraphSolution solution{std::move(T_start), 0, 0, true};
+  GraphSolution solution{
+      {}, costOf(graphOf(kind, keyframes, loops, T_start, o.gps_robust_width, o)), 0, true};
+  solution.T_map_body = std::move(T_start);
   for (const double wider : {64.0, 8.0, 1.0}) {
     PoseGraph graph =
         graphOf(kind, keyframes, loops, std::move(solution.T_map_body), wider * o.gps_robust_width, o);
-    const double cost = costOf(graph);
     const OptimiseResult result = optimise(graph, solver);
-    solution = {std::move(graph.T_map_body), wider > 8 ? cost : solution.initial_cost, result.final_cost,
-                result.converged};
+    solution = {std::move(graph.T_map_body), solution.initial_cost, result.final_cost, result.converged};
   }
   return solution;
 }

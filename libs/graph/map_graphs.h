@@ -28,20 +28,21 @@ struct GraphOptions {
   void describe(OptionList& keys);
 };
 
-/** Factors between key poses of one drive, and on them. GPS is p + R l - z, attitude Log(R_ins' R), both whitened by their
- * floored covariances, with a Cauchy loss. Where no INS gives the attitude, the accelerometer's level does, or else
- * roll and pitch are zero within level_sigma_deg: positions along a straight do not fix the roll about it.
+/** Factors between key poses of one drive, and on them. GPS is p + R l - z, attitude Log(R_ins' R), both whitened by
+ * their floored covariances, with a Cauchy loss. Where no INS gives the attitude, the accelerometer's level does, or
+ * else roll and pitch are zero within level_sigma_deg: positions along a straight do not fix the roll about it. A drive
+ * without fixes that are believed, and each drive of L, is held at its start as weakly as by 100 m and 30 deg.
  * Source: reading.md section 3, eq_gps_factor, eq_lidar_factor, eq_loop_factor. */
 enum class GraphKind {
   gps,  ///< G: gyro and wheels between the key poses (LiDAR odometry where they were silent), GPS and INS on them
-  lidar,  ///< L: LiDAR odometry and loops, level; each drive is held at its start as weakly as by 100 m and 30 deg
-  joint  ///< all of L and of G but its own odometry
+  lidar,  ///< L: LiDAR odometry and loops, level
+  joint   ///< all of L and of G but its own odometry
 };
 
 struct GraphSolution {
   std::vector<Pose> T_map_body;     ///< one a key pose
   double initial_cost, final_cost;  ///< half the sum of squared whitened (robust) residuals
-  bool converged;                   ///< false: it ran into max_iterations
+  bool converged;                   ///< as of optimise()
 };
 
 /** Odometry aligned with GPS, drive by drive (alignGraphs()): where a solution starts. A drive without fixes stays at

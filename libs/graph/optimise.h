@@ -14,7 +14,7 @@ struct OptimiseOptions {
 struct OptimiseResult {
   double initial_cost, final_cost;  ///< half the sum of rho(r' r)
   int iterations;
-  bool converged;  ///< false: it ran into max_iterations
+  bool converged;  ///< false: max_iterations were not enough, or no step, however damped, lowers the cost
 };
 
 /** Minimises the cost over the poses by Gauss-Newton, damped (Levenberg-Marquardt, diag(H)) only after a step

@@ -19,9 +19,8 @@ struct SmootherOptions {
   double rest_sigma = 0.005;
   /** A factor is linearised anew when its linear model is off by this many sigmas at the estimate. */
   double model_sigma = 0.2;
-  int rounds = 6;                       ///< solves per update at most
-  std::size_t poses_per_update = 2000;  ///< looked at per update at most; the rest is for the next updates
-  std::size_t relinearised_per_update = 16;  ///< factors, likewise
+  int rounds = 6;                            ///< solves per update at most
+  std::size_t relinearised_per_update = 16;  ///< factors; if more are off, L is computed anew
 };
 
 /** Keeps a pose graph's estimate near the minimum of its cost while poses and factors arrive.

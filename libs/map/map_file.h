@@ -4,7 +4,8 @@
  * Format version 2 (`PRAGMA user_version`; `PRAGMA application_id` is 'RLMP'). Blobs as in bytes.h, poses as the upper
  * 3x4 of their matrix; texts UTF-8; columns that an optional value leaves empty are NULL:
  * - meta(key, value): tool_version, content_hash, one "checksum TABLE" a table below, and what datum and frames are
- * - info, sessions, key_poses, waypoints, edges, fixes, road, walls: a row has `number` (from 0) and then the members of
+ * - info, sessions, key_poses, waypoints, edges, fixes, road, walls: a row has `number` (from 0) and then the members
+ * of
  *   its struct in map_content.h, spelled as there; kinds are 0 odometry and 1 loop, sides 0 left and 1 right
  * - racetrack_dict(key_gps, key_lidar, racetrack_id): a view, the paper's dictionary
  * - tiles(ix, iy, points, fields, checksum, data): `fields` names the float arrays that `data` holds one
@@ -51,7 +52,6 @@ class MapFile {
 
   [[nodiscard]] const MapContent& content() const { return x_content; }
   [[nodiscard]] const MapInfo& info() const { return x_content.info; }
-  [[nodiscard]] const std::vector<KeyPose>& keyPoses() const { return x_content.key_poses; }
 
   /** "md5:" and 32 hexadecimal digits over the content (without tool_version) and all tile checksums. */
   [[nodiscard]] const std::string& contentHash() const { return x_content_hash; }

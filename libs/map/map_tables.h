@@ -15,7 +15,8 @@
 
 namespace raceloc {
 
-/** \name A table's name, and its columns told once: for the schema, for writing, for reading and for the checksum. @{ */
+/** \name A table's name, and its columns told once: for the schema, for writing, for reading and for the checksum. @{
+ * */
 struct InfoRow {
   std::optional<double> origin_latitude_deg, origin_longitude_deg, origin_height_m;
   double tile_size_m, point_spacing_m, waypoint_spacing_m;

@@ -17,8 +17,8 @@ class SqliteFile;
  * it, and one made from others is as good as none. A result too large for one blob, or not wanted in memory as a whole,
  * is put in pieces ("survey 0, scans 17") before the stage's own name, which then says that it is finished.
  *
- * One SQLite file with a journal: put() is one transaction, on the disk when it returns, and a kill at any moment leaves
- * all results that were put before. One program at a time may have it open. */
+ * One SQLite file with a journal: put() is one transaction, on the disk when it returns, and a kill at any moment
+ * leaves all results that were put before. One program at a time may have it open. */
 class StageStore {
  public:
   enum class Open {

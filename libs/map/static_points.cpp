@@ -13,8 +13,8 @@ namespace {
 constexpr double kGrid = 1 << 23;  // voxels along an axis
 constexpr double kSteepest = 1;    // tangent of the tilt of a road under the car
 constexpr double kRough_m = 0.02;  // of a road, and noise of a range
-// Few rays pass at the edges of what moved, and over its top where they end on nothing. There a voxel with this share of
-// the evidence, one pass more than was counted, goes with the ones around it and in so many layers above and below.
+// Few rays pass at the edges of what moved, and over its top where they end on nothing. There a voxel with this share
+// of the evidence, one pass more than was counted, goes with the ones around it and in so many layers above and below.
 constexpr double kEdgeShare = 0.3;
 constexpr int kEdgeLayers = 4, kMovedAround = 5;
 

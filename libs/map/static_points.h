@@ -35,8 +35,8 @@ struct StaticOptions {
  * - voxels that it hits, or hits a horizontal neighbour of: a fence or a tree lets rays pass beside those it returns.
  *
  * Goes over the scans twice: mark() all of them, then look() at the same ones and count() what was seen, each in any
- * order. Memory grows with the space that holds points, not with the scans: 2 bytes a voxel, 24 a block of 4 x 4 x 4. Same
- * scans, same answers. */
+ * order. Memory grows with the space that holds points, not with the scans: 2 bytes a voxel, 24 a block of 4 x 4 x 4.
+ * Same scans, same answers. */
 class StaticVoxels {
  public:
   explicit StaticVoxels(const StaticOptions& options) : x_options(options) {}
@@ -53,8 +53,8 @@ class StaticVoxels {
   struct Seen {
     std::vector<std::uint32_t> hit, through;
   };
-  /** Second time over the scans. Changes nothing, so several threads may look at once. Of a scan that was not marked, points
-   * in voxels that hold none are left out.
+  /** Second time over the scans. Changes nothing, so several threads may look at once. Of a scan that was not marked,
+   * points in voxels that hold none are left out.
    * \param p_body_sensor_m  where the rays begin; of several LiDARs the middle, if none is farther from it than about
    *                         half of near_m
    * \throws std::invalid_argument if the pose or the position is not finite, std::logic_error before endMarking(). */
@@ -64,8 +64,8 @@ class StaticVoxels {
   /** After the last of them: judges every voxel. */
   void endCounting();
 
-  /** Whether what is there stays: true of places that no scan hit, and of all before endCounting(). What sticks to a voxel that moved, on less evidence of
-   * its own, moved with it: the top of a car that is higher than the LiDAR. */
+  /** Whether what is there stays: true of places that no scan hit, and of all before endCounting(). What sticks to a
+   * voxel that moved, on less evidence of its own, moved with it: the top of a car that is higher than the LiDAR. */
   [[nodiscard]] bool isStatic(const Eigen::Vector3d& p_map_m) const;
 
   /** The points of a cloud that are, in their order. */

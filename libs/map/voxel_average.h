@@ -10,8 +10,8 @@
 
 namespace raceloc {
 
-/** Means of all points that fell into a voxel: memory grows with the map, not with the scans. Voxels are kept in blocks of
- * 4 x 4 x 4, which points of a scan that follow each other often share. */
+/** Means of all points that fell into a voxel: memory grows with the map, not with the scans. Voxels are kept in
+ * blocks of 4 x 4 x 4, which points of a scan that follow each other often share. */
 class VoxelAverage {
  public:
   /** \throws std::invalid_argument if the edge is not > 0. */

@@ -29,17 +29,18 @@ struct Level {
   [[nodiscard]] double pitch_rad() const { return std::asin(-std::clamp(up_body.x(), -1.0, 1.0)); }
 };
 
-/** A Kalman filter over the velocity of the IMU and gravity, both in the odometry's frame, and the accelerometer's bias:
+/** A Kalman filter over the velocity of the IMU and gravity, both in the odometry's frame, and the accelerometer's
+ * bias:
  *   v' = R (f - b) + g,   g' = 0 but for the odometry's drift,   |g| = 9.81 m/s^2;
- * each measured motion tells the velocity. A turn in a bank is no tilt to it, as it would be to the accelerometer alone.
- * Source: reading.md section 5 ("gravity-aligned"); the model is that of inertial navigation, Groves, Principles of GNSS
- * (2013), Eq. (5.20), without the earth's turn. */
+ * each measured motion tells the velocity. A turn in a bank is no tilt to it, as it would be to the accelerometer
+ * alone. Source: reading.md section 5 ("gravity-aligned"); the model is that of inertial navigation, Groves,
+ * Principles of GNSS (2013), Eq. (5.20), without the earth's turn. */
 class Levelling {
  public:
   explicit Levelling(const LevelOptions& options);
 
-  /** The next motion that was measured. Times follow each other; after a gap, or while the accelerometer is silent, gravity goes on
-   * as it was, and the velocity starts again.
+  /** The next motion that was measured. Times follow each other; after a gap, or while the accelerometer is silent,
+   * gravity goes on as it was, and the velocity starts again.
    * \param from_s begin of the motion \param R_odom_from attitude then */
   void add(double from_s, const Eigen::Matrix3d& R_odom_from, const BodyMotion& motion,
            const MotionHistory& history);

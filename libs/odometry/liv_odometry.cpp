@@ -33,8 +33,8 @@ namespace {
 
 /** Scans without a match before the local map is given up and begun anew at the dead-reckoned pose. */
 constexpr int kLostForGood = 10;
-/** So many scans in a row may go into the local map by dead reckoning: without them the car would leave the map, and never match
- * again. */
+/** So many scans in a row may go into the local map by dead reckoning: without them the car would leave the map, and
+ * never match again. */
 constexpr int kMappedBlindly = 5;
 /** What dead reckoning of one scan leaves open on every axis: 3 deg, 0.5 m. */
 const Matrix6d kLost = (Vector6d() << 0.0027, 0.0027, 0.0027, 0.25, 0.25, 0.25).finished().asDiagonal();
@@ -46,8 +46,8 @@ Vector6d velocityOf(const BodyMotion& motion) {
 }
 
 /** What a match adds to a prediction: both are poses of the same instant, weighed by their covariances. A match that
- * contradicts the prediction beyond chance along the direction that it knows worst (a wall that looks the same everywhere),
- * or did not come to rest, does not count along it. */
+ * contradicts the prediction beyond chance along the direction that it knows worst (a wall that looks the same
+ * everywhere), or did not come to rest, does not count along it. */
 struct Fused {
   Pose pose;
   Matrix6d covariance;  ///< right increment (rad, m)
@@ -132,8 +132,8 @@ Registration LivOdometry::matched(const CovarianceCloud& scan, const Pose& T_gue
   };
   Registration near = align(x_context, scan, x_local_map, T_guess, x_gicp);
   if (believable(near)) return near;
-  // Pairs are looked for farther away, and the place that this gives is then matched as every other: a bad guess does not lock
-  // the odometry out.
+  // Pairs are looked for farther away, and the place that this gives is then matched as every other: a bad guess does
+  // not lock the odometry out.
   constexpr int kFarthestVoxels = 27;
   GicpOptions farther = x_gicp;
   farther.neighbour_voxels = kFarthestVoxels;

@@ -46,9 +46,9 @@ class LivOdometry {
   LivOdometry(gpu::Context& context, const OdometryOptions& options, const CropOptions& crop,
               const CovarianceOptions& covariance, const GicpOptions& gicp, const LevelOptions& level = {});
 
-  /** The next sweep, which ends later than the one before. `history` must reach to its end to be of use; without it the motion
-   * between the last two sweeps goes on. What is matched calibrates it. \throws std::invalid_argument if the end is not
-   * later than the last one's. */
+  /** The next sweep, which ends later than the one before. `history` must reach to its end to be of use; without it
+   * the motion between the last two sweeps goes on. What is matched calibrates it. \throws std::invalid_argument if
+   * the end is not later than the last one's. */
   OdometryStep add(const Sweep& sweep, MotionHistory& history);
 
  private:

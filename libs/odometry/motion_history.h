@@ -37,15 +37,15 @@ struct MotionOptions {
 
 /** The last seconds of what the car says of its motion.
  *
- * Rotation: the gyro, less its bias. About the body's z axis it is blended, by inverse variances, with the car's own yaw
- * rate and with the bicycle model v tan(steering) / wheelbase, whose variance grows with the lateral acceleration; each may
- * be absent, and any one of them carries the yaw rate alone; one that contradicts the gyro is left out, as is the gyro when
- * both of the others contradict it, unless all they say is one message that repeats.
- * Translation: wheel speed, less the slip that traction needs, along the rear axle's course, which lies off the heading by
- * side-slip; both are in proportion to the force that the tyres bear over their load. Never from acceleration. While the
- * wheels are silent, the speed of the newest observe() goes on.
- * A gyro that repeats itself while the car moves, whole or on an axis that turns fast (saturated), and a wheel speed that
- * neither force nor scan matches can explain, are dropped and named. Source: reading.md section 5. */
+ * Rotation: the gyro, less its bias. About the body's z axis it is blended, by inverse variances, with the car's own
+ * yaw rate and with the bicycle model v tan(steering) / wheelbase, whose variance grows with the lateral
+ * acceleration; each may be absent, and any one of them carries the yaw rate alone; one that contradicts the gyro is
+ * left out, as is the gyro when both of the others contradict it, unless all they say is one message that repeats.
+ * Translation: wheel speed, less the slip that traction needs, along the rear axle's course, which lies off the
+ * heading by side-slip; both are in proportion to the force that the tyres bear over their load. Never from
+ * acceleration. While the wheels are silent, the speed of the newest observe() goes on.
+ * A gyro that repeats itself while the car moves, whole or on an axis that turns fast (saturated), and a wheel speed
+ * that neither force nor scan matches can explain, are dropped and named. Source: reading.md section 5. */
 class MotionHistory {
  public:
   explicit MotionHistory(const MotionOptions& options, const CalibrationOptions& calibration = {});
@@ -68,8 +68,8 @@ class MotionHistory {
   /** Twist of the body, origin at the rear axle, at an instant. None when it is not covered. */
   [[nodiscard]] std::optional<BodyRates> ratesAt(double stamp_s) const;
 
-  /** The body's motion from one instant to a later one. Rates are constant within the cells of a fixed grid of 5 ms, so that
-   * an interval may be cut anywhere. None when the interval is not covered. */
+  /** The body's motion from one instant to a later one. Rates are constant within the cells of a fixed grid of 5 ms,
+   * so that an interval may be cut anywhere. None when the interval is not covered. */
   [[nodiscard]] std::optional<Preintegration> preintegrated(double from_s, double to_s) const;
 
   /** Poses over a sweep, for deskew(). None when it is not covered. */
@@ -78,7 +78,8 @@ class MotionHistory {
   /** As preintegrated(); the covariance is of noise and calibration. */
   [[nodiscard]] std::optional<BodyMotion> between(double from_s, double to_s) const;
 
-  /** What the accelerometer felt over an interval, in the body's axes at its begin, where R(t) leads from those at t. */
+  /** What the accelerometer felt over an interval, in the body's axes at its begin, where R(t) leads from those at t.
+   * */
   struct Impulse {
     Eigen::Vector3d impulse_mps;  ///< integral of R f
     Eigen::Matrix3d turned_s;     ///< integral of R
@@ -101,8 +102,8 @@ class MotionHistory {
   [[nodiscard]] std::vector<std::string> faults() const;
 
  private:
-  /** What the tyres bear at an instant, per mass [m/s^2]: across the car, and along it on the driven axle; both over the load in
-   * g. Without an accelerometer, what speed and yaw rate tell. */
+  /** What the tyres bear at an instant, per mass [m/s^2]: across the car, and along it on the driven axle; both over
+   * the load in g. Without an accelerometer, what speed and yaw rate tell. */
   struct TyreForces {
     double along_mps2, across_mps2, load;
   };

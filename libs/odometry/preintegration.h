@@ -1,6 +1,6 @@
 /** \file
- * Rates of the body, integrated once: the motion of an interval, with what noise and calibration do to it, so that a new
- * calibration needs no new integration. */
+ * Rates of the body, integrated once: the motion of an interval, with what noise and calibration do to it, so that a
+ * new calibration needs no new integration. */
 #pragma once
 
 #include "core/types.h"
@@ -30,8 +30,8 @@ struct BodyRates {
 };
 
 /** Motion over an interval. Tangents are those of right increments, T exp(xi).
- * Source: reading.md section 5; recursion of Forster et al., TRO 33 (2017), with the whole twist in the exponential: exact
- * for rates that are constant within a step. */
+ * Source: reading.md section 5; recursion of Forster et al., TRO 33 (2017), with the whole twist in the exponential:
+ * exact for rates that are constant within a step. */
 struct Preintegration {
   double duration_s = 0;
   Pose T_start_end = Pose::Identity();

@@ -1,6 +1,6 @@
 /** \file
- * A scan is stamped at the start of its sweep; the motion that de-skews it is known only when the sweep is over. The sweeps of
- * several LiDARs are matched as one. */
+ * A scan is stamped at the start of its sweep; the motion that de-skews it is known only when the sweep is over. The
+ * sweeps of several LiDARs are matched as one. */
 #pragma once
 
 #include <deque>
@@ -21,23 +21,23 @@ namespace raceloc {
 using FaultCounts = std::map<std::string, std::size_t>;
 
 /** Holds scans until the motion of their sweep is known, or until it is late, and puts those together that end close
- * together, at most one of each LiDAR. Bounded: it never holds more than a few sweeps, because a scan leaves at the latest
- * 0.3 s after its end, or after the end at which a companion of its turn was due.
+ * together, at most one of each LiDAR. Bounded: it never holds more than a few sweeps, because a scan leaves at the
+ * latest 0.3 s after its end, or after the end at which a companion of its turn was due.
  *
- * Which belong together: LiDARs end their sweeps in turn, again and again; a sweep of all begins after the longest pause
- * in that turn. Two LiDARs that end less than half a period apart are one sweep whichever is first, and three that fire
- * evenly in turn are one sweep too.
- * Waiting: one LiDAR alone waits for no other. A LiDAR that was in time the last time is waited for until a quarter of its
- * period after the end that it should have had; one that is dead or late therefore delays the others by that, once. A sweep
- * that comes when its companions have left goes with the next. */
+ * Which belong together: LiDARs end their sweeps in turn, again and again; a sweep of all begins after the longest
+ * pause in that turn. Two LiDARs that end less than half a period apart are one sweep whichever is first, and three
+ * that fire evenly in turn are one sweep too.
+ * Waiting: one LiDAR alone waits for no other. A LiDAR that was in time the last time is waited for until a quarter
+ * of its period after the end that it should have had; one that is dead or late therefore delays the others by that,
+ * once. A sweep that comes when its companions have left goes with the next. */
 class ScanQueue {
  public:
   /** \param expected LiDARs that should be there: one that never delivers is named; it is not waited for */
   explicit ScanQueue(std::vector<std::string> expected = {}) : x_expected(std::move(expected)) {}
 
   /** What is wrong with a scan is named. One whose point times are bad is taken as it is, at the middle of its sweep if
-   * that can be known. One is passed over if its stamp is no number or repeats the LiDAR's newest, or if it ends no later
-   * than the last one of its LiDAR that has left. */
+   * that can be known. One is passed over if its stamp is no number or repeats the LiDAR's newest, or if it ends no
+   * later than the last one of its LiDAR that has left. */
   void push(Scan scan);
 
   /** The next sweep whose motion is known, or which ended more than 0.3 s before `now_s` (the newest

@@ -8,10 +8,10 @@
 
 namespace raceloc {
 
-/** The speed that force and scan matches make likely: a Kalman filter over speed and the error of the force along the car
- * (bias, grade). A wheel speed beyond chance (locked, spinning, frozen) is refused; wheels that were refused are believed
- * again only when they have agreed well for a while, because what is likely becomes vague without them. A number that repeats
- * is no new measurement: a frozen speed would pull what is likely along with it. */
+/** The speed that force and scan matches make likely: a Kalman filter over speed and the error of the force along the
+ * car (bias, grade). A wheel speed beyond chance (locked, spinning, frozen) is refused; wheels that were refused are
+ * believed again only when they have agreed well for a while, because what is likely becomes vague without them. A
+ * number that repeats is no new measurement: a frozen speed would pull what is likely along with it. */
 class SpeedCheck {
  public:
   /** The next wheel speed, in order of time. \param force_mps2 along the car, mean since the last one; none: unknown

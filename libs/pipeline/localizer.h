@@ -70,11 +70,11 @@ struct LocalizerOutput {
 /** Localization on a map. Samples come in order of time; outputs are in order of time.
  *
  * A decision is taken at the end of each sweep, from its match and of each receiver the newest fix younger than
- * max_fix_age_s, carried forward by dead reckoning; each fix is used once. When no sweep waits and no match was believed for
- * match_alive_s, each fix is decided on alone, at its own stamp.
- * Start: a fix with a heading (the receiver's INS, or the course between two fixes at speed) says where to look, and a scan
- * match found around it says where the car is; only when no match is found for start_patience_s does the fix start the
- * filter alone. Before that there is no output. Source: reading.md sections 1, 2 and 6. */
+ * max_fix_age_s, carried forward by dead reckoning; each fix is used once. When no sweep waits and no match was
+ * believed for match_alive_s, each fix is decided on alone, at its own stamp.
+ * Start: a fix with a heading (the receiver's INS, or the course between two fixes at speed) says where to look, and
+ * a scan match found around it says where the car is; only when no match is found for start_patience_s does the fix
+ * start the filter alone. Before that there is no output. Source: reading.md sections 1, 2 and 6. */
 class Localizer {
  public:
   /** Keeps references to context and map. \throws InputError if the gate's options contradict each other. */

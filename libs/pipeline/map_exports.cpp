@@ -56,9 +56,7 @@ std::uint32_t unpackedSize(const std::string& path) {
 /** Writes what MRPT's loadFromFile() of the object's class reads. */
 void writeCompressed(const std::string& path, const mrpt::serialization::CSerializable& object) {
   OutputFile output(path);
-  const auto failed = [&] {
-    return InputError("output " + path + ": cannot be written; check the space left");
-  };
+  const auto failed = [&] { return cannotWrite(path); };
   std::uint64_t size = 0;
   try {
     constexpr int kFastest = 1;

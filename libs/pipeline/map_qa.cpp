@@ -87,8 +87,8 @@ void countPasses(const MapContent& content, const Stations& s, double max_gap_m,
   }
 }
 
-Weakest weakestOf(const Matrix6d& information) {
-  const Eigen::Matrix3d C = Matrix6d(information.inverse()).bottomRightCorner<3, 3>();
+Weakest weakestOf(const Matrix6d& covariance) {
+  const Eigen::Matrix3d C = covariance.bottomRightCorner<3, 3>();
   const Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> eigen(C);
   Eigen::Index axis = 0;
   eigen.eigenvectors().col(2).cwiseAbs().maxCoeff(&axis);
@@ -102,7 +102,7 @@ void weakenStations(const MapContent& content, const Stations& s, std::vector<St
     const auto i = static_cast<std::size_t>(edge.i), j = static_cast<std::size_t>(edge.j);
     const auto step = s.step(i, j);
     if (!step) continue;
-    const Weakest weakest = weakestOf(edge.information);
+    const Weakest weakest = weakestOf(edge.information.inverse());
     for (int n = std::min(0, *step); n <= std::max(0, *step); ++n) {
       auto& odometry = stations[s.wrapped(*s.number[i] + n)].odometry;
       if (!odometry || odometry->sigma_m < weakest.sigma_m) odometry = weakest;
@@ -228,8 +228,7 @@ void judgeLoops(const MapContent& content, const MapReport& report, const Statio
     const Pose& T_map_i = content.key_poses[loop.i].T_map_body;
     const Pose& T_map_j = content.key_poses[loop.j].T_map_body;
     const double off_m = (loop.T_i_j.inverse() * T_map_i.inverse() * T_map_j).translation().norm();
-    qa.loops.push_back(
-        {loop.i, loop.j, s.at_m[loop.j], off_m, loop.rivals, weakestOf(loop.covariance.inverse())});
+    qa.loops.push_back({loop.i, loop.j, s.at_m[loop.j], off_m, loop.rivals, weakestOf(loop.covariance)});
     if (loop.rivals > 0) ++qa.loops_with_rivals;
   }
   for (const RefusedLoop& loop : report.refused_loops) {

@@ -90,15 +90,15 @@ struct QaResult {
 /** "PASS", or "FAIL: " and each limit that was not kept. */
 [[nodiscard]] std::string verdict(const QaResult& qa);
 
-/** Judges a map by what it holds and by how it was made. A map without a full lap fails as "full laps 0 < 1", one without
- * GPS as "GPS fixes 0 < 1"; limits of what it lacks are left out.
+/** Judges a map by what it holds and by how it was made. A map without a full lap fails as "full laps 0 < 1", one
+ * without GPS as "GPS fixes 0 < 1"; limits of what it lacks are left out.
  *
  * Lever arm and stamps of a receiver, by weighted least squares over the fixes that were not refused, to
  * first order:
  *   z - (p + R l) = R dl + v dt + s,   v = velocity of the antenna, by the key poses before and after,
- * where the shift s stands for what the georeference can take up. So dl shows only where the car turns, and dt apart from
- * dl_x only where its speed changes; what the pose graph has bent itself to is not seen. Sigmas begin at 10 m and 1 s
- * and grow with residuals beyond their covariances. */
+ * where the shift s stands for what the georeference can take up. So dl shows only where the car turns, and dt apart
+ * from dl_x only where its speed changes; what the pose graph has bent itself to is not seen. Sigmas begin at 10 m
+ * and 1 s and grow with residuals beyond their covariances. */
 [[nodiscard]] QaResult qaOf(const MapContent& content, const MapReport& report, const QaOptions& options);
 
 }  // namespace raceloc

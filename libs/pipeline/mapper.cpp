@@ -50,7 +50,9 @@ class ScanStore {
   [[nodiscard]] Cloud scan(std::size_t key) const {
     const Place& at = x_places.at(key);
     const auto bytes = x_store.get(name(at.survey, at.key), at.input);
-    if (!bytes) throw InputError("the scans kept beside the map are damaged: build it without --resume");
+    if (!bytes)
+      throw InputError("scan " + std::to_string(key) +
+                       ", kept beside the map in its .build file, is damaged: build the map with --replace");
     return cloudFrom(*bytes);
   }
 
@@ -75,22 +77,31 @@ struct Drives {
   std::optional<GeodeticPoint> origin;
 };
 
+/** Of what surveyOf() makes and how it is kept: another one's results are not taken. */
+constexpr char kSurveyFormat[] = "1";
+
 Drives survey(const std::vector<SurveyLog>& logs, StageStore& store, ScanStore& scans,
-              const MapperOptions& options, const StageProgress& progress) {
+              const MapperOptions& options, const std::string& tool_version, const StageProgress& progress) {
   Drives drives;
   for (std::size_t n = 0; n < logs.size(); ++n) {
     const std::string stage = "survey " + std::to_string(n);
-    const std::string origin = drives.origin ? std::to_string(drives.origin->latitude_deg) + " " +
-                                                   std::to_string(drives.origin->longitude_deg) + " " +
-                                                   std::to_string(drives.origin->height_m)
-                                             : "";
-    const std::string input = inputHash({identityOf(logs[n].path), options.resultText(), origin});
+    Bytes origin;
+    if (drives.origin)
+      for (const double number :
+           {drives.origin->latitude_deg, drives.origin->longitude_deg, drives.origin->height_m})
+        append(origin, number);
+    const std::string input = inputHash({tool_version,
+                                         kSurveyFormat,
+                                         identityOf(logs[n].path),
+                                         options.resultText(),
+                                         {origin.begin(), origin.end()}});
     const std::string title = logs.size() == 1
                                   ? "odometry"
                                   : "odometry " + std::to_string(n + 1) + "/" + std::to_string(logs.size());
     Survey found;
     if (const auto kept = store.get(stage, input)) {
       found = surveyFrom(*kept);
+      found.kept = true;
     } else {
       found = surveyOf(
           logs[n], drives.origin, options,
@@ -192,6 +203,14 @@ std::vector<double> doubtOf(const std::vector<Keyframe>& keyframes, const std::v
   return doubt_m;
 }
 
+/** Enters a key pose that has an ID into the dictionary. \return whether it has */
+bool passed(Loop& loop, const Drives& drives, const std::vector<Pose>& T_map_body, std::size_t key) {
+  const auto id = loop.ids.idAt(T_map_body[key]);
+  const auto number = static_cast<std::uint32_t>(key);
+  if (id) loop.dict.add({number, number}, *id, drives.session_of[key]);
+  return id.has_value();
+}
+
 LoopClosures closeLoops(gpu::Context& context, Loop& loop, const Drives& drives,
                         const std::vector<Pose>& T_map_body, const ScanStore& scans,
                         const MapperOptions& options, const StageProgress& progress) {
@@ -205,10 +224,7 @@ LoopClosures closeLoops(gpu::Context& context, Loop& loop, const Drives& drives,
   const std::vector<double> doubt_m = doubtOf(drives.keyframes, T_map_body, options.graph);
   std::vector<LoopMatch> matches;
   for (std::size_t key = 0; key < T_map_body.size(); ++key) {
-    const auto id = loop.ids.idAt(T_map_body[key]);
-    if (!id) continue;
-    const auto number = static_cast<std::uint32_t>(key);
-    loop.dict.add({number, number}, *id, drives.session_of[key]);
+    if (!passed(loop, drives, T_map_body, key)) continue;
     for (LoopCandidate candidate : loopCandidates(loop.dict, T_map_body, options.loops)) {
       candidate.drift_m = std::min(candidate.drift_m, doubt_m[candidate.i] + doubt_m[candidate.j]);
       matches.push_back(matcher.match(candidate));
@@ -230,11 +246,10 @@ TiledMap tilesOf(gpu::Context& context, const Cloud& points, const CovarianceOpt
   for (std::size_t i = 0; i < points.size(); ++i) {
     const Eigen::Vector3d p = points.point(i).cast<double>();
     own[tileOf(p.x(), p.y())].push_back(i);
-    std::set<std::pair<int, int>> reached;
-    for (const double dx : {-covariance.radius_m, covariance.radius_m})
-      for (const double dy : {-covariance.radius_m, covariance.radius_m})
-        reached.insert(tileOf(p.x() + dx, p.y() + dy));
-    for (const auto& tile : reached) within[tile].push_back(i);
+    const auto low = tileOf(p.x() - covariance.radius_m, p.y() - covariance.radius_m);
+    const auto high = tileOf(p.x() + covariance.radius_m, p.y() + covariance.radius_m);
+    for (int ix = low.first; ix <= high.first; ++ix)
+      for (int iy = low.second; iy <= high.second; ++iy) within[{ix, iy}].push_back(i);
   }
   TiledMap map(tile_size_m);
   for (const auto& [tile, indices] : own) {
@@ -333,6 +348,11 @@ Solved solve(gpu::Context& context, Drives& drives, const MapInput& input, const
     refuse(keyframes, spans);
   }
   joint = solveGraph(GraphKind::joint, keyframes, loops.edges, joint.T_map_body, options.graph);
+  if (loop && !input.race_line_m) {  // where the car drove, as is known now
+    loop = loopOf(joint.T_map_body, drives, std::nullopt, options);
+    for (std::size_t key = 0; loop && key < keyframes.size(); ++key)
+      (void)passed(*loop, drives, joint.T_map_body, key);
+  }
   progress("refinement", 1);
   return {std::move(gps),  std::move(lidar), std::move(joint), aligned,
           std::move(loop), std::move(loops), std::move(spans)};
@@ -369,7 +389,8 @@ void forEachScan(std::size_t scans, const ScanStore& store, int threads, const L
   });
 }
 
-/** Scans are read three times rather than kept: which voxels hold points, which of those others see through, the rest. */
+/** Scans are read three times rather than kept: which voxels hold points, which of those others see through, the
+ * rest. */
 StaticScene staticScene(const Drives& drives, const ScanStore& scans, const std::vector<Pose>& T_map_body,
                         const MapperOptions& options, const StageProgress& progress) {
   const std::size_t keys = T_map_body.size();
@@ -453,7 +474,8 @@ MapReport reportOf(const Drives& drives, Solved solved, const StaticScene& scene
   report.first_s = drives.keyframes.front().stamp_s;
   report.aligned_rmse_m = solved.aligned.rmse_m;
   report.aligned_share = solved.aligned.inlier_share;
-  report.refined_rmse_m = alignGraphs(positionsOf(T_map_body), positionsOf(solved.gps.T_map_body)).rmse_m;
+  if (drives.origin)
+    report.refined_rmse_m = alignGraphs(positionsOf(T_map_body), positionsOf(solved.gps.T_map_body)).rmse_m;
   report.gps_rmse_m = gpsRmse(drives.keyframes, T_map_body);
   report.initial_cost = solved.joint.initial_cost;
   report.final_cost = solved.joint.final_cost;
@@ -478,7 +500,7 @@ MapReport reportOf(const Drives& drives, Solved solved, const StaticScene& scene
   for (std::size_t n = 0; n < drives.surveys.size(); ++n) {
     const Survey& s = drives.surveys[n];
     report.sessions.push_back({s.session, s.device_reason, s.recorded_s, s.tally, s.dropped_late,
-                               key_poses_of[n], s.match_residual_m, s.match_inlier_share});
+                               key_poses_of[n], s.match_residual_m, s.match_inlier_share, s.kept});
   }
   return report;
 }
@@ -487,6 +509,13 @@ MapReport reportOf(const Drives& drives, Solved solved, const StaticScene& scene
 
 MapInput mapInput(const std::vector<std::string>& log_paths, const std::string& race_line_path,
                   const MapperOptions& options) {
+  std::map<std::string, std::string> path_of;
+  for (const std::string& path : log_paths)
+    if (const auto [there, is_new] =
+            path_of.try_emplace(std::filesystem::path(path).filename().string(), path);
+        !is_new)
+      throw InputError("rawlogs " + there->second + " and " + path +
+                       ": have one name, by which drives are told apart; rename one of them");
   MapInput input;
   if (!race_line_path.empty()) input.race_line_m = readDrivenLine(race_line_path);
   for (const std::string& path : log_paths) input.logs.push_back(usableLog(path, options.matching.log));
@@ -496,13 +525,14 @@ MapInput mapInput(const std::vector<std::string>& log_paths, const std::string& 
 BuiltMap buildMap(const MapInput& input, StageStore& store, const MapperOptions& options,
                   const std::string& tool_version, const StageProgress& progress) {
   ScanStore scans(store);
-  Drives drives = survey(input.logs, store, scans, options, progress);
+  Drives drives = survey(input.logs, store, scans, options, tool_version, progress);
   const DeviceOptions& device = options.matching.device;
-  gpu::Context context(device.device, 0, device.threads);
+  gpu::Context context(device.device, 0, device.threads);  // tests itself
   Solved solved = solve(context, drives, input, scans, options, progress);
   const StaticScene scene = staticScene(drives, scans, solved.joint.T_map_body, options, progress);
 
   progress("tiles", 0);
+  if (context.backend() != gpu::Backend::cpu) (void)context.passesSelfTest();  // hours may have gone by
   CovarianceOptions covariance = options.matching.covariance;
   covariance.radius_m = options.map.covariance_radius_m;
   BuiltMap built{tilesOf(context, scene.points, covariance, options.map.tile_size_m), {}, {}, {}};

@@ -25,6 +25,7 @@ struct SessionReport {
   std::size_t dropped_late, key_poses;
   double match_residual_m;    ///< median over the trusted scans, distance of pairs across their surface
   double match_inlier_share;  ///< median
+  bool kept;                  ///< its odometry was made by a run before
 };
 
 /** What went in and how well it fits. */
@@ -35,7 +36,7 @@ struct MapReport {
   double first_s;         ///< stamp of the first key pose: spans are told from there
   double aligned_rmse_m;  ///< of L's key poses against G's after the rigid alignment alone; 0 without GPS
   double aligned_share;   ///< of the key poses that it is of
-  double refined_rmse_m;  ///< the same pairs after the joint refinement
+  double refined_rmse_m;  ///< the same of the joint graph's key poses
   double gps_rmse_m;      ///< of the fixes that were not refused, against the map
   double initial_cost, final_cost;
   bool converged;
@@ -63,7 +64,7 @@ struct MapInput {
   std::optional<std::vector<Eigen::Vector3d>> race_line_m;  ///< none: the first full lap, if there is one
 };
 /** Before any work: what is wrong with the files. \param race_line_path  CSV, see readDrivenLine(); may be empty
- * \throws InputError as usableLog() and readDrivenLine() do. */
+ * \throws InputError as usableLog() and readDrivenLine() do, and for two logs of one name. */
 [[nodiscard]] MapInput mapInput(const std::vector<std::string>& log_paths, const std::string& race_line_path,
                                 const MapperOptions& options);
 
@@ -72,10 +73,11 @@ using StageProgress = std::function<void(const std::string& stage, double share)
 
 /** The whole chain: odometry of each log, GPS/INS graph and LiDAR graph, their alignment, racetrack IDs, loops, joint
  * refinement, refused GPS spans, tiles, road and walls. Logs without any GPS give a map without georeference, in the
- * frame of the first pose; that works for one log only. Memory grows with the map and the key poses, not with the scans:
- * those are kept in the store, as are the finished stages, so that a build with the same inputs goes on where
+ * frame of the first pose; that works for one log only. Memory grows with the map and the key poses, not with the
+ * scans: those are kept in the store, as are the finished stages, so that a build with the same inputs goes on where
  * it was killed. The same input gives the same map.
  * \param store  of this build
+ * \param tool_version  kept in the map; what another version left in the store is not used
  * \throws InputError as surveyOf() does, for a log without GPS among several, or one of another place.
  * Source: reading.md section 3. */
 [[nodiscard]] BuiltMap buildMap(const MapInput& input, StageStore& store, const MapperOptions& options,

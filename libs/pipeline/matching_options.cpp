@@ -8,7 +8,7 @@ void DeviceOptions::describe(OptionList& keys) {
   keys.add("device", device,
            {{"auto", gpu::Backend::automatic}, {"cpu", gpu::Backend::cpu}, {"cuda", gpu::Backend::cuda}},
            "where the kernels run; auto: on a GPU if one answers");
-  keys.add("threads", threads, between(1, 256), "of the kernels on the CPU; they change no bit of a result");
+  keys.add("threads", threads, between(1, 256), "at work on the CPU; they change no bit of a result");
   keys.add(
       "self_test_every_s", self_test_every_s, atLeast(0),
       "a GPU is compared with the CPU again after so long [s], and left if it differs; 0: only at the start");

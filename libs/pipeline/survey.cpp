@@ -17,11 +17,12 @@
 namespace raceloc {
 
 void MapOptions::describe(OptionList& keys) {
-  keys.add("point_spacing_m", point_spacing_m, above(0), "the map keeps one point a voxel of this edge [m]");
+  keys.add("point_spacing_m", point_spacing_m, between(0.02, 5),
+           "the map keeps one point a voxel of this edge [m]");
   keys.add(
-      "covariance_radius_m", covariance_radius_m, above(0),
+      "covariance_radius_m", covariance_radius_m, between(0.05, 20),
       "neighbours of a map point, in place of radius_m of [covariance]: the map is denser than a scan [m]");
-  keys.add("tile_size_m", tile_size_m, above(0), "edge of a square tile [m]");
+  keys.add("tile_size_m", tile_size_m, between(4, 1000), "edge of a square tile [m]");
   keys.add("keyframe_distance_m", keyframe_distance_m, atLeast(0),
            "a new key pose after this distance [m] ...");
   keys.add("keyframe_angle_deg", keyframe_angle_deg, atLeast(0), "... or this turn [deg]");
@@ -110,7 +111,7 @@ class ScanKeeper {
   ScanKeeper(const MapperOptions& options, const std::function<void(std::size_t, const Cloud&)>& keep)
       : x_thread([this, &options, &keep] {
           try {
-            gpu::Context context(options.matching.device.device);
+            gpu::Context context(gpu::Backend::cpu);
             while (const auto scan = x_queue.pop())
               keep(scan->first, voxelGrid(context, scan->second, 0.5 * options.map.point_spacing_m));
           } catch (...) {

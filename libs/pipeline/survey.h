@@ -42,8 +42,8 @@ struct MapperOptions {
   QaOptions qa;
   /** \throws InputError as IniFile does. */
   static MapperOptions fromIni(const std::string& path);
-  [[nodiscard]] std::string iniText() const;  ///< every section with its values: what the map file keeps
-  /** What a result depends on: threads change no bit of it. */
+  [[nodiscard]] std::string iniText() const;  ///< every section with its values
+  /** The same of what a map depends on, which is what it keeps: threads change no bit of it. */
   [[nodiscard]] std::string resultText() const;
 };
 
@@ -59,6 +59,7 @@ struct Survey {
   double match_residual_m, match_inlier_share;  ///< medians over the trusted scans
   std::size_t dropped_late;
   std::string device_reason;
+  bool kept = false;  ///< not made from the log now, but by a run before
 };
 
 /** A log that can be surveyed. */
@@ -72,7 +73,8 @@ struct SurveyLog {
 
 /** One pass over a log: odometry, key poses, what the receivers and the accelerometer said there.
  * \param origin  of the map frame, given by an earlier log; else the log's own first fix
- * \param keep    takes the scan of each key pose (its number in this drive; body frame, de-skewed, thinned to half of the
+ * \param keep    takes the scan of each key pose (its number in this drive; body frame, de-skewed, thinned to half of
+ * the
  *                map's spacing): scans are not kept in memory
  * \throws InputError for fewer than two key poses, or fixes that can be interpolated at no key pose. */
 [[nodiscard]] Survey surveyOf(const SurveyLog& log, const std::optional<GeodeticPoint>& origin,

@@ -27,6 +27,7 @@ PackedFile::PackedFile(const std::string& path) : x_in(kBuffer), x_out(kBuffer) 
 
 bool PackedFile::refill() {
   x_file.read(reinterpret_cast<char*>(x_in.data()), static_cast<std::streamsize>(x_in.size()));
+  if (x_file.bad()) throw std::runtime_error("the disk does not give it");
   const auto got = static_cast<std::size_t>(x_file.gcount());
   x_read += got;
   x_state.next_in = x_in.data();

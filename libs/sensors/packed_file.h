@@ -12,8 +12,8 @@
 
 namespace raceloc {
 
-/** Reads a file in order, unpacked: gzip of one or several members, or plain. MRPT's own reader is three times slower and
- * does not tell a file that is cut from a whole one. */
+/** Reads a file in order, unpacked: gzip of one or several members, or plain. MRPT's own reader takes twice as long
+ * and does not tell a file that is cut from a whole one. */
 class PackedFile : public mrpt::io::CStream {
  public:
   /** Whether it could be opened: good(). */
@@ -21,7 +21,7 @@ class PackedFile : public mrpt::io::CStream {
   [[nodiscard]] bool good() const { return x_good; }
 
   /** Fewer than `count` bytes only at the end of the file.
-   * \throws std::runtime_error if what is packed is damaged */
+   * \throws std::runtime_error if what is packed is damaged, or reading fails */
   std::size_t Read(void* buffer, std::size_t count) override;
   /** Whether the file ends within packed data; known at its end. */
   [[nodiscard]] bool isCut() const { return x_packed && x_inside; }

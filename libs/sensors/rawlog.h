@@ -83,8 +83,8 @@ void requireOneClock(const LogSummary& summary, const LogOptions& options);
  * fix (known only once next() has met it). INS poses are in the frame of the header's origin, and are skipped
  * in a log without one.
  *
- * A fix of quality 0 is skipped. One without BESTPOS sigmas, as in foreign logs, or with sigmas of 0, gets by its quality a
- * horizontal sigma per unit of HDOP (1 when the log has none) of: single or PPS 2.5 m, DGPS 0.8 m, RTK fixed
+ * A fix of quality 0 is skipped. One without BESTPOS sigmas, as in foreign logs, or with sigmas of 0, gets by its
+ * quality a horizontal sigma per unit of HDOP (1 when the log has none) of: single or PPS 2.5 m, DGPS 0.8 m, RTK fixed
  * 0.02 m, RTK float 0.3 m, others 5 m; 1.5 times that vertically. These are usual figures of receivers' data
  * sheets, not of this one. */
 class LogReader {
@@ -130,8 +130,8 @@ class LogWriter {
   LogWriter(const LogWriter&) = delete;
   LogWriter& operator=(const LogWriter&) = delete;
 
-  /** Samples in the map frame of the header's origin, in the order in which they arrive; at one stamp an INS pose goes before
-   * its fix. Of a GPS covariance the sigmas along east, north and up are kept: no message that survives a
+  /** Samples in the map frame of the header's origin, in the order in which they arrive; at one stamp an INS pose
+   * goes before its fix. Of a GPS covariance the sigmas along east, north and up are kept: no message that survives a
    * rawlog holds the rest. \throws std::invalid_argument for a GPS fix or INS pose if the header has no
    * origin */
   void write(const Sample& sample);

@@ -7,6 +7,7 @@
 
 #include <algorithm>
 #include <cstdint>
+#include <new>
 
 #include "core/errors.h"
 #include "sensors/packed_file.h"
@@ -69,6 +70,8 @@ void RawlogObjects::readAhead() {
     }
   } catch (const mrpt::serialization::CExceptionEOF&) {
     requireWhole();
+  } catch (const std::bad_alloc&) {
+    throw;
   } catch (const std::exception& e) {
     throw InputError("rawlog " + x_path + ": truncated, damaged or of an unknown class after " +
                      std::to_string(x_objects) + " objects (" + messageOf(e) +

@@ -34,8 +34,8 @@ struct CarState {
 /** T_map_body: the centre of the rear axle, x forward, y left, z up out of the leaning body. */
 [[nodiscard]] Pose bodyPose(const Track& track, const CarOptions& car, const CarState& state);
 
-/** Single-track model on the banked road: Magic Formula per axle, a friction circle that is never left, and a driver who
- * steers along the racing line at the profile's speed. Track, line and profile must outlive it.
+/** Single-track model on the banked road: Magic Formula per axle, a friction circle that is never left, and a driver
+ * who steers along the racing line at the profile's speed. Track, line and profile must outlive it.
  * Source: Rajamani, Vehicle Dynamics and Control, ch. 2 (single track, bank); Pacejka (tyres). */
 class RaceCar {
  public:

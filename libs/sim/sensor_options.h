@@ -82,8 +82,8 @@ struct CarFile {
   Devices<ImuOptions> imus;
   Devices<VehicleOptions> vehicles;
   [[nodiscard]] std::vector<DeviceName> devices() const;  ///< all of them
-  /** Those whose labels match one of the patterns, separated by blanks or commas. \throws InputError for a pattern that no
-   * device matches: a slip of the keys would leave one out in silence. */
+  /** Those whose labels match one of the patterns, separated by blanks or commas. \throws InputError for a pattern
+   * that no device matches: a slip of the keys would leave one out in silence. */
   [[nodiscard]] std::vector<DeviceName> devices(const std::string& patterns) const;
 };
 

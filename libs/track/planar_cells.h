@@ -24,8 +24,10 @@ class PlanarCells {
  public:
   explicit PlanarCells(double reach_m) : x_reach_m(reach_m) {}
 
-  /** Files it under its own square and the eight around it. */
+  /** Files it under its own square and the eight around it; not at all if it is not finite or farther than 1000 km
+   * from 0. */
   void add(std::size_t number, const Eigen::Vector3d& p_m) {
+    if (!isNear(p_m)) return;
     for (int dx = -1; dx <= 1; ++dx)
       for (int dy = -1; dy <= 1; ++dy)
         x_cells[planarCell(p_m.x() + dx * x_reach_m, p_m.y() + dy * x_reach_m, x_reach_m)].push_back(number);
@@ -35,13 +37,17 @@ class PlanarCells {
    * for a place that is not finite or farther than 1000 km from 0. */
   [[nodiscard]] const std::vector<std::size_t>& near(const Eigen::Vector3d& p_m) const {
     static const std::vector<std::size_t> none;
-    constexpr double kFarthest_m = 1e6;
-    if (!p_m.allFinite() || !(p_m.cwiseAbs().maxCoeff() < kFarthest_m)) return none;
+    if (!isNear(p_m)) return none;
     const auto cell = x_cells.find(planarCell(p_m.x(), p_m.y(), x_reach_m));
     return cell == x_cells.end() ? none : cell->second;
   }
 
  private:
+  static bool isNear(const Eigen::Vector3d& p_m) {
+    constexpr double kFarthest_m = 1e6;
+    return (p_m.array().abs() < kFarthest_m).all();  // NaN is not
+  }
+
   double x_reach_m;
   std::unordered_map<std::uint64_t, std::vector<std::size_t>> x_cells;
 };

@@ -6,9 +6,9 @@
 
 namespace raceloc {
 
-/** The line that bends least between the edges: the sum of squared second differences of its points at equal steps of the
- * centre line is minimal under n in [margin - right, left - margin], by Ceres. That is its curvature up to the stretch
- * between line and centre line. Closed and twice continuously differentiable.
+/** The line that bends least between the edges: the sum of squared second differences of its points at equal steps of
+ * the centre line is minimal under n in [margin - right, left - margin], by Ceres. That is its curvature up to the
+ * stretch between line and centre line. Closed and twice continuously differentiable.
  * Source: Heilmeier et al., Vehicle System Dynamics 58 (2020): minimum curvature as least squares. */
 class RacingLine {
  public:

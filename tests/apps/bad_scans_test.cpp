@@ -1,5 +1,6 @@
 /** \file
- * A drive whose scans are spoilt: given ..., when ..., then it is followed by what is left, and what is wrong is named. */
+ * A drive whose scans are spoilt: given ..., when ..., then it is followed by what is left, and what is wrong is
+ * named. */
 #include <gmock/gmock.h>
 #include <mrpt/io/CFileGZInputStream.h>
 #include <mrpt/io/CFileGZOutputStream.h>

@@ -23,8 +23,8 @@ using ::testing::Not;
 constexpr double kDrift_percent = 0.3;
 /** No match is believed to be better than this: min_sigma_m and min_sigma_deg of ini/live.ini. */
 constexpr double kMatch_m = 0.03, kMatch_deg = 0.05;
-/** When it goes wrong in the middle: on the straight at 69 m/s, one second before the car brakes, by up to 9 m/s^2, for a turn
- * banked 20 deg. */
+/** When it goes wrong in the middle: on the straight at 69 m/s, one second before the car brakes, by up to 9 m/s^2,
+ * for a turn banked 20 deg. */
 constexpr double kMiddle_s = 4;
 
 /** What raceloc-live says of a drive, its poses, and the truth. */
@@ -111,8 +111,8 @@ TEST_F(OdometryLaps, WhenTheImuDiesItGoesOnAndNamesIt) {
   const Driven lap = quarterLap("", {"--disable", "imu*", "--disable-after", std::to_string(kMiddle_s)});
   expectNeverLost(lap);
   EXPECT_THAT(lap.said, HasSubstr("DEGRADED         imu: silent"));
-  // How the car tilts into the bank is told by matches alone, and how the driven wheels slip when it brakes is not told at all:
-  // 0.3 % for each m/s^2, of which there are 2 to 3. Measured 0.6 %, 0.7 % with other seeds.
+  // How the car tilts into the bank is told by matches alone, and how the driven wheels slip when it brakes is not
+  // told at all: 0.3 % for each m/s^2, of which there are 2 to 3. Measured 0.6 %, 0.7 % with other seeds.
   EXPECT_LT(lap.drift_percent, kDrift_percent + 0.7);
 }
 
@@ -121,7 +121,8 @@ TEST_F(OdometryLaps, WhenTheVehicleDiesItGoesOnAndNamesIt) {
   expectNeverLost(lap);
   EXPECT_THAT(lap.said, HasSubstr("DEGRADED         vehicle: silent"));
   EXPECT_NEAR(lap.by_wheels, 10 * kMiddle_s, 5);  // and half a second for which they are held
-  // The speed is a match's, which may be off the same way in each step of 6.5 m. Measured 0.2 %, 0.6 % with other seeds.
+  // The speed is a match's, which may be off the same way in each step of 6.5 m. Measured 0.2 %, 0.6 % with other
+  // seeds.
   EXPECT_LT(lap.drift_percent, kDrift_percent + 100 * kMatch_m / 6.5);
 }
 
@@ -130,8 +131,8 @@ TEST_F(OdometryLaps, WhenTheVehicleFreezesItIsNotBelievedAndNamed) {
       quarterLap("kind = vehicle_frozen\nlabels = vehicle\nfrom_s = " + std::to_string(kMiddle_s) + "\n");
   expectNeverLost(lap);
   EXPECT_THAT(lap.said, HasSubstr("DEGRADED         vehicle: wheel speed contradicts the car's motion"));
-  // It is contradicted when the car is 5 sigma, 4.2 m/s of 65, slower, half a second after it has begun to brake: 1 m is a percent
-  // of the segments in which that is. Measured 0.4 %; 6.5 % if it is believed.
+  // It is contradicted when the car is 5 sigma, 4.2 m/s of 65, slower, half a second after it has begun to brake: 1 m
+  // is a percent of the segments in which that is. Measured 0.4 %; 6.5 % if it is believed.
   EXPECT_LT(lap.drift_percent, kDrift_percent + 1);
 }
 
@@ -170,9 +171,9 @@ TEST_F(OdometryLaps, GivenAStandingStartItStandsStillAndThenStarts) {
   EXPECT_LT(lap.drift_percent, kDrift_percent);
   EXPECT_GT((lap.odometry.back().T_map_body.translation()).norm(), 100);
 
-  // The first scan is the map that all others are matched to, and its noise of 2 cm a point is theirs in common: within a
-  // match's error they settle beside it. From then on there is only what differs between scans, a few mm, and no drift: the
-  // gyro's bias of 0.05 deg/s alone would turn the car by half a degree.
+  // The first scan is the map that all others are matched to, and its noise of 2 cm a point is theirs in common:
+  // within a match's error they settle beside it. From then on there is only what differs between scans, a few mm,
+  // and no drift: the gyro's bias of 0.05 deg/s alone would turn the car by half a degree.
   const double start_s = lap.odometry.front().stamp_s;
   const StampedPose* settled = nullptr;
   double off_first_m = 0, off_settled_m = 0, turned_deg = 0;

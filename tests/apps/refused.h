@@ -15,7 +15,8 @@ namespace raceloc::test {
 
 class BadInput : public ::testing::Test {
  protected:
-  /** Runs a command that must be refused in one line which contains all of `named`. `program` speaks, when it is not the command's first word. */
+  /** Runs a command that must be refused in one line which contains all of `named`. `program` speaks, when it is not
+   * the command's first word. */
   void expectRefused(const std::vector<std::string>& command, const std::vector<std::string>& named,
                      const std::string& program = "") const {
     const auto result = runCommand(command);

@@ -78,8 +78,8 @@ TEST_F(Sim, SameSeedSameBytesOnAnyNumberOfThreads) {
 }
 
 TEST_F(Sim, GoldenLog) {
-  // The bytes of a log before compression. They change with every change of the simulated world: a new hash is committed only
-  // with the reason for it.
+  // The bytes of a log before compression. They change with every change of the simulated world: a new hash is
+  // committed only with the reason for it.
   writeFile(in / "f.ini",
             "[fault_01]\nkind = gps_noise\nlabels = gps_right\nfrom_s = 1\nto_s = 2\nsigma_m = 5\n");
   run(simCommand(car, out / "golden.rawlog", {"--faults", in / "f.ini", "--traffic", "2"}));
@@ -296,7 +296,8 @@ INSTANTIATE_TEST_SUITE_P(After, FullDisk, ::testing::Values("45", "100", "400"),
                          [](const auto& test) { return test.param + "_KiB"; });
 
 TEST_P(FullDisk, LeavesNothing) {  // also when only the last bytes do not fit
-  // The shell's limit on the size of a file stands for it; the signal that comes with it is ignored, as the disk sends none.
+  // The shell's limit on the size of a file stands for it; the signal that comes with it is ignored, as the disk
+  // sends none.
   std::string line = "trap '' XFSZ; ulimit -f " + GetParam() + ";";
   for (const auto& word : simCommand(ini("sim/indy.ini"), out / "a.rawlog")) line += " '" + word + "'";
   expectRefused({"bash", "-c", line}, {out / "a.rawlog", "cannot be written"}, "raceloc-sim");

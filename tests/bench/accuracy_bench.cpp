@@ -18,9 +18,9 @@ namespace {
 constexpr std::size_t kStarts = 200;
 constexpr double kVoxel_m = 1.0;
 
-/** A success is a match that calls itself converged and lies this close to the reference. The reference of scan_pair is good to
- * 0.02 m and 0.7 deg, KITTI's from scan to scan to a few centimetres: three times that is no failure. A wrong minimum of
- * voxels of 1 m lies a good part of a voxel away. */
+/** A success is a match that calls itself converged and lies this close to the reference. The reference of scan_pair
+ * is good to 0.02 m and 0.7 deg, KITTI's from scan to scan to a few centimetres: three times that is no failure. A
+ * wrong minimum of voxels of 1 m lies a good part of a voxel away. */
 constexpr PoseDistance kSuccess{0.3, 2.0};
 
 struct Outcome {

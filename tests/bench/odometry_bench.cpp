@@ -1,7 +1,7 @@
 /** \file
- * What a scan of odometry costs: `odometry_bench LIVE.ini LOG.rawlog`. Ours is all of LivOdometry::add(), de-skew included;
- * the peer gets the points as de-skewed and cropped by us, and our prediction as its guess. One thread, its CPU time,
- * ours and the peer in turn. */
+ * What a scan of odometry costs: `odometry_bench LIVE.ini LOG.rawlog`. Ours is all of LivOdometry::add(), de-skew
+ * included; the peer gets the points as de-skewed and cropped by us, and our prediction as its guess. One thread, its
+ * CPU time, ours and the peer in turn. */
 #include <ctime>
 #include <iostream>
 #include <memory>

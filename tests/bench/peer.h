@@ -62,8 +62,8 @@ struct PeerMatch {
 [[nodiscard]] PeerMatch peerGicp(const PeerPoints& target, const PeerTree& tree, const PeerPoints& source,
                                  const Pose& guess);
 
-/** The peer's scan-to-model odometry: thinned, covariances, VGICP against a voxel map that takes every scan where it was
- * matched. The map starts empty and forgets nothing within 100 scans. */
+/** The peer's scan-to-model odometry: thinned, covariances, VGICP against a voxel map that takes every scan where it
+ * was matched. The map starts empty and forgets nothing within 100 scans. */
 class PeerOdometry {
  public:
   PeerOdometry(double scan_voxel_m, double map_voxel_m);

@@ -1,6 +1,7 @@
 /** \file
- * How well the car's own sources predict its motion, and know which way is up: `prediction_bench MAP.ini LOG.rawlog TRUTH.tum`. Scans calibrate them on
- * the way, as in the apps; a prediction knows only what had been learnt when it began. */
+ * How well the car's own sources predict its motion, and know which way is up: `prediction_bench MAP.ini LOG.rawlog
+ * TRUTH.tum`. Scans calibrate them on the way, as in the apps; a prediction knows only what had been learnt when it
+ * began. */
 #include <iostream>
 #include <map>
 

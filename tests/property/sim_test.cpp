@@ -128,7 +128,8 @@ TEST_P(Car, ForcesThatItsMotionTellsOfAreWithinFriction) {
     force_mps2.x() += air * car.drag_area_m2;
     force_mps2.z() += air * (car.downforce_area_front_m2 + car.downforce_area_rear_m2);
     const double use = force_mps2.head<2>().norm() / (car.friction * force_mps2.z());
-    // 3 %: the load is that of the rear axle's path, the centre of mass is up to 1.7 m ahead of it on a road that bends.
+    // 3 %: the load is that of the rear axle's path, the centre of mass is up to 1.7 m ahead of it on a road that
+    // bends.
     ASSERT_LE(use, 1.03) << x.s_m;
     largest_use = std::max(largest_use, use);
   }
@@ -140,7 +141,8 @@ TEST_P(Car, CourseIsHeadingPlusSideslip) {
   lap.driveUntil(0.6 * lap.profile.lap_s());
   double largest_rad = 0;
   for (double t = 1; t < 0.6 * lap.profile.lap_s() - 1; t += 0.37) {
-    // In the plane of the road, from positions alone. The axle moves with the body's heave and lean, so take the place on the road.
+    // In the plane of the road, from positions alone. The axle moves with the body's heave and lean, so take the
+    // place on the road.
     const auto on_road = [&](double time_s) {
       const CarState x = lap.motion.state(time_s);
       return lap.circuit.track.surface(x.s_m, x.n_m).T_map_surface;
@@ -184,7 +186,8 @@ TEST(SpeedProfileProperty, StationsPassAtItsSpeed) {
     const double s_m = lap.profile.stationAfter(t_s);
     const double speed_mps = (lap.profile.stationAfter(t_s + dt_s) - lap.profile.stationAfter(t_s - dt_s)) /
                              (2 * dt_s) * lap.line.at(s_m).stretch;
-    // The table has a row each 2 m: braking with 14 m/s^2 at 20 m/s changes the speed by 1.4 m/s in one, half of it either way.
+    // The table has a row each 2 m: braking with 14 m/s^2 at 20 m/s changes the speed by 1.4 m/s in one, half of it
+    // either way.
     EXPECT_NEAR(speed_mps, lap.profile.at(s_m).speed_mps, 0.7);
   });
   EXPECT_NEAR(lap.profile.stationAfter(lap.profile.lap_s()), lap.circuit.track.length_m(), 1e-6);
@@ -228,8 +231,8 @@ TEST(TrueMotionProperty, SpecificForceInATurnIsWhatTheTyresGive) {
   Lap lap("ims");
   lap.driveUntil(lap.profile.lap_s());
   Statistic along, across;
-  // Steps of the vibration's periods cancel what the body's swaying adds at the centre of mass; what the engine does at the
-  // edges of a step does not matter in the mean.
+  // Steps of the vibration's periods cancel what the body's swaying adds at the centre of mass; what the engine does
+  // at the edges of a step does not matter in the mean.
   const double rear_m = lap.file.car.wheelbase_m - lap.file.car.front_m;
   const Vector3d centre(rear_m, 0, 0);
   for (double t = 2; t < lap.profile.lap_s() - 1; t += 0.01) {

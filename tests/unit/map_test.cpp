@@ -205,7 +205,7 @@ TEST_F(MapFileTest, ASessionIsAddedToWhatTheFileGivesBack) {
   }
   const MapFile grown(path_);
   grown.verify();
-  EXPECT_EQ(grown.keyPoses().size(), 21U);
+  EXPECT_EQ(grown.content().key_poses.size(), 21U);
   EXPECT_EQ(grown.content().edges.back().j, 20);
   EXPECT_EQ(static_cast<std::size_t>(grown.pointCount()), map_.pointCount() + 1);
 }
@@ -220,7 +220,7 @@ TEST_F(MapFileTest, AMapWithoutAnythingIsAMap) {
   const MapFile file(path_);
   file.verify();
   EXPECT_TRUE(file.tileIndices().empty());
-  EXPECT_TRUE(file.keyPoses().empty());
+  EXPECT_TRUE(file.content().key_poses.empty());
   EXPECT_EQ(file.info().config, "");
   EXPECT_FALSE(file.tile(0, 0).has_value());
 }

@@ -16,10 +16,11 @@ class BackendBase;  // one of cpu/, cuda/, cuda_stub/
 class Context {
  public:
   /** `automatic` takes CUDA when it was built in, a device of capability 7.5 or newer answers and computes
-   * what the CPU does (see passesSelfTest()); else the CPU. The environment variable RACELOC_BACKEND (auto, cpu, cuda) overrides
-   * `backend`. \param threads  of the CPU backend, >= 1; they change no bit of a result
+   * what the CPU does (see passesSelfTest()); else the CPU. The environment variable RACELOC_BACKEND (auto, cpu,
+   * cuda) overrides `backend`. \param threads  of the CPU backend, >= 1; they change no bit of a result
    * \param device   number of the CUDA device
-   * \throws std::invalid_argument for another number of threads; DeviceError if `cuda` is asked for and cannot be had. */
+   * \throws std::invalid_argument for another number of threads; DeviceError if `cuda` is asked for and cannot be
+   * had. */
   explicit Context(Backend backend = Backend::automatic, int device = 0, int threads = 1);
   ~Context();
   Context(Context&&) noexcept;

@@ -1,6 +1,6 @@
 /** \file
- * GICP and VGICP: distribution to distribution, against the nearest point or a voxel map. Source: Segal et al., RSS 2009 (cost);
- * Koide et al., ICRA 2021 (voxels); Sola et al., arXiv:1812.01537, Eq. (25) (right increments). */
+ * GICP and VGICP: distribution to distribution, against the nearest point or a voxel map. Source: Segal et al., RSS
+ * 2009 (cost); Koide et al., ICRA 2021 (voxels); Sola et al., arXiv:1812.01537, Eq. (25) (right increments). */
 #pragma once
 
 #include <array>

@@ -18,9 +18,9 @@ struct VoxelGaussians {
   [[nodiscard]] std::size_t size() const { return ix.size(); }
 };
 
-/** Grows by insert() and fill(), shrinks by keepWithin() and keepNewest(); reading it never changes it, so many threads may. It serves
- * the contexts of the device it was made with (linearize() throws std::invalid_argument for a CUDA context
- * with another's map). */
+/** Grows by insert() and fill(), shrinks by keepWithin() and keepNewest(); reading it never changes it, so many
+ * threads may. It serves the contexts of the device it was made with (linearize() throws std::invalid_argument for a
+ * CUDA context with another's map). */
 class VoxelMap {
  public:
   /** \throws std::invalid_argument if voxel_size_m is not > 0. */
