@@ -5,7 +5,7 @@ set -euo pipefail
 
 packages=(
   build-essential cmake ninja-build ccache                                         # the build
-  libmrpt-dev libeigen3-dev libceres-dev libsuitesparse-dev libsqlite3-dev libtbb-dev libembree-dev libpcap-dev zlib1g-dev libisal-dev nlohmann-json3-dev
+  libmrpt-dev libeigen3-dev libceres-dev libsuitesparse-dev libsqlite3-dev libtbb-dev libembree-dev libpcap-dev zlib1g-dev libisal-dev libopenblas0-serial nlohmann-json3-dev
   python3 python3-numpy                                                            # the drives of demo and tests
   gnuplot-nox                                                                      # pictures of raceloc-eval
   mrpt-apps                                                                        # RawLogViewer, rawlog-edit

@@ -68,9 +68,8 @@ void print(const SessionReport& r, bool named) {
 
 void print(const MapReport& r, const MapInfo& info) {
   for (const SessionReport& session : r.sessions) print(session, r.sessions.size() > 1);
-  std::printf("pose graph       %zu key poses, %zu fixes, %zu INS attitudes; cost %.4g -> %.4g%s\n",
-              r.key_poses, r.gps_fixes, r.attitudes, r.initial_cost, r.final_cost,
-              r.converged ? "" : ", NOT converged");
+  std::printf("pose graph       %zu key poses, %zu fixes, %zu INS attitudes; cost %.4g%s\n", r.key_poses,
+              r.gps_fixes, r.attitudes, r.cost, r.converged ? "" : ", NOT converged");
   if (info.origin) {
     std::printf("georeference     origin %.7f %.7f deg, %.2f m; GPS against the map %.3f m rmse\n",
                 info.origin->latitude_deg, info.origin->longitude_deg, info.origin->height_m, r.gps_rmse_m);

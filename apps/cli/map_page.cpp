@@ -184,8 +184,7 @@ std::string qaPage(const std::string& title, const BuiltMap& built, const QaResu
            (info.origin ? format("LiDAR graph on GPS graph %.3f m rmse, refined %.3f m; ",
                                  report.aligned_rmse_m, report.refined_rmse_m)
                         : "") +
-           format("cost %.4g -> %.4g; made by raceloc ", report.initial_cost, report.final_cost) +
-           info.tool_version);
+           format("cost %.4g; made by raceloc ", report.cost) + info.tool_version);
   return htmlPage("Map " + title, body);
 }
 
@@ -236,8 +235,7 @@ std::string qaJson(const BuiltMap& built, const QaResult& qa) {
                    {"fixes", r.gps_fixes},
                    {"attitudes", r.attitudes},
                    {"converged", r.converged},
-                   {"initial_cost", r.initial_cost},
-                   {"final_cost", r.final_cost},
+                   {"cost", r.cost},
                    {"aligned_rmse_m", rounded(r.aligned_rmse_m)},
                    {"aligned_share", rounded(r.aligned_share)},
                    {"refined_rmse_m", rounded(r.refined_rmse_m)},

@@ -151,14 +151,12 @@ GraphSolution solveGraph(GraphKind kind, const std::vector<Keyframe>& keyframes,
     throw std::invalid_argument("solveGraph: needs 2 or more key poses, and a start for each");
   OptimiseOptions solver;
   solver.max_iterations = o.max_iterations;
-  GraphSolution solution{
-      {}, costOf(graphOf(kind, keyframes, loops, T_start, o.gps_robust_width, o)), 0, true};
-  solution.T_map_body = std::move(T_start);
+  GraphSolution solution{std::move(T_start), 0, true};
   for (const double wider : {64.0, 8.0, 1.0}) {
     PoseGraph graph =
         graphOf(kind, keyframes, loops, std::move(solution.T_map_body), wider * o.gps_robust_width, o);
     const OptimiseResult result = optimise(graph, solver);
-    solution = {std::move(graph.T_map_body), solution.initial_cost, result.final_cost, result.converged};
+    solution = {std::move(graph.T_map_body), result.final_cost, result.converged};
   }
   return solution;
 }

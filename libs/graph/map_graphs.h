@@ -40,9 +40,9 @@ enum class GraphKind {
 };
 
 struct GraphSolution {
-  std::vector<Pose> T_map_body;     ///< one a key pose
-  double initial_cost, final_cost;  ///< half the sum of squared whitened (robust) residuals
-  bool converged;                   ///< as of optimise()
+  std::vector<Pose> T_map_body;  ///< one a key pose
+  double cost;                   ///< half the sum of squared whitened (robust) residuals
+  bool converged;                ///< as of optimise()
 };
 
 /** Odometry aligned with GPS, drive by drive (alignGraphs()): where a solution starts. A drive without fixes stays at

@@ -477,8 +477,7 @@ MapReport reportOf(const Drives& drives, Solved solved, const StaticScene& scene
   if (drives.origin)
     report.refined_rmse_m = alignGraphs(positionsOf(T_map_body), positionsOf(solved.gps.T_map_body)).rmse_m;
   report.gps_rmse_m = gpsRmse(drives.keyframes, T_map_body);
-  report.initial_cost = solved.joint.initial_cost;
-  report.final_cost = solved.joint.final_cost;
+  report.cost = solved.joint.cost;
   report.converged =
       solved.joint.converged && solved.lidar.converged && (solved.gps.converged || !drives.origin);
   if (solved.loop) {

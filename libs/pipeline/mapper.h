@@ -38,7 +38,7 @@ struct MapReport {
   double aligned_share;   ///< of the key poses that it is of
   double refined_rmse_m;  ///< the same of the joint graph's key poses
   double gps_rmse_m;      ///< of the fixes that were not refused, against the map
-  double initial_cost, final_cost;
+  double cost;            ///< of the joint graph, see GraphSolution
   bool converged;
   double lap_m;  ///< length of the racing line; 0: none
   int laps;      ///< that have been begun, of all sessions
