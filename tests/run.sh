@@ -1,5 +1,5 @@
 #!/usr/bin/env bash
-# Everything that has to pass, from a fresh clone: packages, build, format, clang-tidy, tests, sanitized tests.
+# Everything that has to pass, from a fresh clone: packages, build, format, clang-tidy, tests, tests under ASan, UBSan and TSan.
 # Ends with the time of each stage and ctest's own summary of the main build; exits with 1 if any stage failed.
 set -euo pipefail
 cd "$(dirname "$0")/.."
@@ -9,6 +9,7 @@ exec </dev/null
 export CCACHE_BASEDIR=$PWD CCACHE_NOHASHDIR=1 CTEST_OUTPUT_ON_FAILURE=1
 main=build/tests
 sanitized=build/sanitize
+threads=build/threads
 jobs=$(nproc)
 mkdir -p "$main"
 failed=()
@@ -49,6 +50,14 @@ sanitized_tests() {  # only what is labelled `fast`
     ctest --test-dir "$sanitized" -j "$jobs" --timeout 900 --no-tests=error -L fast
 }
 
+threaded_tests() {  # what hands logs from thread to thread; TBB and Embree are not instrumented
+  local -x TSAN_OPTIONS=halt_on_error=1:suppressions=$PWD/tests/support/tsan.supp
+  cmake -G Ninja -S . -B "$threads" -DCMAKE_BUILD_TYPE=Debug -DCMAKE_CXX_FLAGS_DEBUG=-O1 -DRACELOC_TESTS=ON \
+    -DRACELOC_CUDA=OFF -DRACELOC_SANITIZE=thread &&
+    cmake --build "$threads" -j "$jobs" --target core_bounded_queue_unit_test sensors_unit_test &&
+    "$threads"/bin/core_bounded_queue_unit_test --gtest_brief=1 && "$threads"/bin/sensors_unit_test --gtest_brief=1
+}
+
 summary() {
   printf '\n=== summary\n'
   printf '%s\n' "${times[@]}"
@@ -66,5 +75,6 @@ if [[ " ${failed[*]} " != *" build "* ]]; then
   stage tests main_tests
   stage clang-tidy tidy
   stage "sanitized tests" sanitized_tests
+  stage "threaded tests" threaded_tests
 fi
 summary
