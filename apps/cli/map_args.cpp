@@ -38,7 +38,7 @@ DESCRIPTION
   section [qa]), MAP.simplemap (robot-map-gui) and MAP.3Dscene (SceneViewer3D). Files appear under their names
   when they are whole. What a run has done so far is in MAP.rlmap.build: after a kill, --resume goes on from there.
   With --keep it stays when the map is done, and a later --resume with more logs reads those only that are new.
-  A map that is there already is not touched without --resume or --replace.
+  A map or a build that is there already is not touched without --resume or --replace.
 
 EXAMPLES
   raceloc-map -c ini/map.ini -o monza.rlmap survey.rawlog
@@ -53,6 +53,23 @@ EXIT STATUS
   0 the map was written, whatever the verdict; 2 an input is missing or wrong (one line says which);
   1 a fault of raceloc.
 )";
+
+/** One file under two names, whether it is there or not. */
+bool isSame(const std::string& a, const std::string& b) {
+  std::error_code unknown;
+  return std::filesystem::weakly_canonical(a, unknown) == std::filesystem::weakly_canonical(b, unknown);
+}
+
+/** \throws InputError for an output that is an input, or another output. */
+void requireApart(const std::vector<std::string>& inputs, const std::vector<std::string>& outputs) {
+  for (auto output = outputs.begin(); output != outputs.end(); ++output) {
+    for (const std::string& input : inputs)
+      if (!input.empty() && isSame(input, *output))
+        throw InputError("output " + *output + ": is an input too; give it another name");
+    for (auto other = outputs.begin(); other != output; ++other)
+      if (isSame(*other, *output)) throw InputError("output " + *output + ": is to be written twice");
+  }
+}
 
 std::string besides(const std::string& map_path, const std::string& extension) {
   return std::filesystem::path(map_path).replace_extension(extension).string();
@@ -172,23 +189,31 @@ void build(const BuildArgs& args) {
     throw InputError("--resume goes on with a map, --replace does not: which?");
   const std::string store_path = args.map_path + ".build";
   std::error_code unknown;  // OutputFile knows better what is wrong
-  if (std::filesystem::exists(args.map_path, unknown) && !args.replace &&
-      !(args.resume && std::filesystem::exists(store_path, unknown)))
+  const bool had_store = std::filesystem::exists(store_path, unknown);
+  if (had_store && !args.replace && !args.resume)
+    throw InputError("output " + args.map_path + ": " + store_path +
+                     " is there; --resume goes on with it, --replace drops it");
+  if (std::filesystem::exists(args.map_path, unknown) && !args.replace && !(args.resume && had_store))
     throw InputError("output " + args.map_path + ": is there already" +
                      (args.resume ? ", and " + store_path + ", with which to go on, is not" : "") +
                      "; --replace builds it anew");
   const std::string simplemap_path = options.map.write_simplemap ? besides(args.map_path, ".simplemap") : "";
   const std::string scene_path = options.map.write_scene ? besides(args.map_path, ".3Dscene") : "";
+  std::vector<std::string> outputs{args.map_path, store_path, besides(args.map_path, ".html"),
+                                   besides(args.map_path, ".json")};
+  for (const auto& path : {simplemap_path, scene_path, args.odometry_path, args.trajectory_path})
+    if (!path.empty()) outputs.push_back(path);
+  std::vector<std::string> inputs = args.log_paths;
+  inputs.insert(inputs.end(), {args.ini_path, args.race_line_path});
+  requireApart(inputs, outputs);
 
   const auto start = std::chrono::steady_clock::now();
   const MapInput input = mapInput(args.log_paths, args.race_line_path, options);
   // The store is locked first: another run on the same map would take the files away that this one writes.
-  const bool had_store = std::filesystem::exists(store_path, unknown);
   StageStore store(store_path, args.resume ? StageStore::Open::resume : StageStore::Open::anew);
   try {  // an output that cannot be written is told before the work, not after
-    for (const auto& path : {args.map_path, besides(args.map_path, ".html"), besides(args.map_path, ".json"),
-                             simplemap_path, scene_path, args.odometry_path, args.trajectory_path})
-      if (!path.empty()) OutputFile{path};
+    for (const std::string& path : outputs)
+      if (path != store_path) OutputFile{path};
   } catch (const InputError&) {
     if (!had_store) store.remove();
     throw;

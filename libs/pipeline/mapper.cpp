@@ -80,9 +80,30 @@ struct Drives {
 /** Of what surveyOf() makes and how it is kept: another one's results are not taken. */
 constexpr char kSurveyFormat[] = "1";
 
+/** Stage: names of the logs whose surveys are kept. */
+constexpr char kReadLogs[] = "logs";
+
+/** \throws InputError if a run before read a log that is not named now: it would be lost. */
+void requireAllNamed(const StageStore& store, const std::vector<SurveyLog>& logs) {
+  const auto kept = store.get(kReadLogs, "");
+  if (!kept) return;
+  for (ByteReader in(*kept); in.left() > 0;) {
+    const std::string name = in.text();
+    if (std::none_of(logs.begin(), logs.end(), [&](const SurveyLog& log) {
+          return std::filesystem::path(log.path).filename() == name;
+        }))
+      throw InputError(
+          "rawlog " + name +
+          ": was read by the build that is to go on, but is not named now; name it too, or build the "
+          "map with --replace");
+  }
+}
+
 Drives survey(const std::vector<SurveyLog>& logs, StageStore& store, ScanStore& scans,
               const MapperOptions& options, const std::string& tool_version, const StageProgress& progress) {
   Drives drives;
+  requireAllNamed(store, logs);
+  Bytes read;
   for (std::size_t n = 0; n < logs.size(); ++n) {
     const std::string stage = "survey " + std::to_string(n);
     Bytes origin;
@@ -113,6 +134,8 @@ Drives survey(const std::vector<SurveyLog>& logs, StageStore& store, ScanStore& 
       throw InputError("rawlog " + logs[n].path +
                        ": no GPS, so where it belongs among the other logs is not known; map it alone");
     if (!drives.origin) drives.origin = found.origin;
+    append(read, found.session);
+    store.put(kReadLogs, "", read);
     scans.addSurvey(n, input, found.keyframes.size());
     drives.session_of.insert(drives.session_of.end(), found.keyframes.size(), static_cast<int>(n));
     for (auto& k : found.keyframes) {
@@ -331,6 +354,10 @@ Solved solve(gpu::Context& context, Drives& drives, const MapInput& input, const
   progress("graphs", 1);
 
   std::optional<Loop> loop = loopOf(joint.T_map_body, drives, input.race_line_m, options);
+  if (input.race_line_m && std::none_of(joint.T_map_body.begin(), joint.T_map_body.end(),
+                                        [&](const Pose& T) { return loop->ids.idAt(T).has_value(); }))
+    throw InputError(
+        "race line: the survey is nowhere near it; its metres are east and north of the map's origin");
   LoopClosures loops;
   if (loop) loops = closeLoops(context, *loop, drives, joint.T_map_body, scans, options, progress);
 

@@ -78,7 +78,8 @@ using StageProgress = std::function<void(const std::string& stage, double share)
  * it was killed. The same input gives the same map.
  * \param store  of this build
  * \param tool_version  kept in the map; what another version left in the store is not used
- * \throws InputError as surveyOf() does, for a log without GPS among several, or one of another place.
+ * \throws InputError as surveyOf() does, for a log without GPS among several, one of another place, a race line of
+ * another place, or a store with a log that is not among these.
  * Source: reading.md section 3. */
 [[nodiscard]] BuiltMap buildMap(const MapInput& input, StageStore& store, const MapperOptions& options,
                                 const std::string& tool_version, const StageProgress& progress);

@@ -156,6 +156,44 @@ TEST_F(Survey, ALogThatIsAddedLaterMakesTheSameMap) {
   EXPECT_TRUE(readFile(out / "map.rlmap") == at_once);
 }
 
+TEST_F(Survey, ALogThatWasKeptIsNotLost) {
+  require(runCommand(mapping({log("one_lap")}, {"--keep"})));
+  const std::string before = readFile(out / "map.rlmap");
+  const auto other = runCommand(mapping({log("two_laps")}, {"--resume"}));
+  EXPECT_EQ(other.exit_code, 2);
+  EXPECT_THAT(other.err, HasSubstr("rawlog one_lap.rawlog: was read"));
+  std::filesystem::rename(out / "map.rlmap", out / "aside.rlmap");
+  const auto anew = runCommand(mapping({log("two_laps")}));
+  EXPECT_EQ(anew.exit_code, 2);
+  EXPECT_THAT(anew.err, HasSubstr("map.rlmap.build is there; --resume"));
+  EXPECT_TRUE(readFile(out / "aside.rlmap") == before);
+}
+
+TEST_F(Survey, NoOutputIsAnInputOrAnotherOutput) {
+  std::filesystem::copy_file(log("one_lap"), out / "lap.rawlog");
+  const std::string whole = readFile(out / "lap.rawlog");
+  const std::vector<std::string> base{app("raceloc-map"), "-c", ini("map.ini"), "-o", out / "map.rlmap"};
+  for (const std::string& path : {out / "lap.rawlog", out / "map.rlmap", out / "./map.json"}) {
+    auto command = base;
+    command.insert(command.end(), {"--trajectory", path, out / "lap.rawlog"});
+    const auto result = runCommand(command);
+    EXPECT_EQ(result.exit_code, 2);
+    EXPECT_THAT(result.err, HasSubstr("output " + path));
+  }
+  EXPECT_TRUE(readFile(out / "lap.rawlog") == whole);
+}
+
+TEST_F(Survey, ARaceLineOfAnotherPlaceIsRefused) {
+  std::string line = "x_m,y_m\n";
+  for (int k = 0; k < 100; ++k)
+    line += std::to_string(5000 + 100 * std::cos(0.02 * M_PI * k)) + "," +
+            std::to_string(100 * std::sin(0.02 * M_PI * k)) + "\n";
+  writeFile(out / "line.csv", line);
+  const auto result = runCommand(mapping({log("one_lap")}, {"--race-line", out / "line.csv"}));
+  EXPECT_EQ(result.exit_code, 2);
+  EXPECT_THAT(result.err, HasSubstr("race line: the survey is nowhere near it"));
+}
+
 TEST_F(Survey, OneThreadMakesTheSameMapAsTwo) {
   const auto hash = [&] { return raceloc::MapFile(out / "map.rlmap").contentHash(); };
   require(runCommand(mapping({log("one_lap")})));
