@@ -211,18 +211,16 @@ void build(const BuildArgs& args) {
   const MapInput input = mapInput(args.log_paths, args.race_line_path, options);
   // The store is locked first: another run on the same map would take the files away that this one writes.
   StageStore store(store_path, args.resume ? StageStore::Open::resume : StageStore::Open::anew);
-  try {  // an output that cannot be written is told before the work, not after
-    for (const std::string& path : outputs)
-      if (path != store_path) OutputFile{path};
-  } catch (const InputError&) {
-    if (!had_store) store.remove();
-    throw;
-  }
   std::optional<BuiltMap> built;
-  {
+  try {
+    for (const std::string& path : outputs)  // one that cannot be written is told before the work, not after
+      if (path != store_path) OutputFile{path};
     Stages stages;
     built.emplace(buildMap(input, store, options, toolVersion(),
                            [&](const std::string& stage, double share) { stages(stage, share); }));
+  } catch (const InputError&) {
+    if (!holdsSurveys(store)) store.remove();  // there is nothing to go on with
+    throw;
   }
   const auto& key_poses = built->content.key_poses;
   saveMap(args.map_path, built->tiles, built->content);

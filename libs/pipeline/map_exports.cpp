@@ -14,16 +14,15 @@
 #include <mrpt/serialization/CArchive.h>
 
 #include <algorithm>
-#include <array>
 #include <cmath>
 #include <cstdint>
-#include <fstream>
 #include <limits>
 #include <map>
 #include <utility>
 
 #include "core/errors.h"
 #include "core/output_file.h"
+#include "sensors/gzip_length.h"
 #include "sensors/mrpt_stamp.h"
 #include "sensors/pose_conversion.h"
 
@@ -40,19 +39,6 @@ std::size_t strideFor(std::size_t count, std::size_t most) {
   return std::max<std::size_t>(1, (count + most - 1) / most);
 }
 
-/** Number of bytes that a gzip file says it unpacks to, modulo 2^32 (RFC 1952, 2.3.1: its last four bytes).
- */
-std::uint32_t unpackedSize(const std::string& path) {
-  std::ifstream in(path, std::ios::binary);
-  in.seekg(-4, std::ios::end);
-  std::array<char, 4> trailer{};
-  in.read(trailer.data(), trailer.size());
-  std::uint32_t size = 0;
-  for (std::size_t i = 0; i < trailer.size(); ++i)
-    size |= std::uint32_t{static_cast<unsigned char>(trailer[i])} << (8 * i);
-  return size;
-}
-
 /** Writes what MRPT's loadFromFile() of the object's class reads. */
 void writeCompressed(const std::string& path, const mrpt::serialization::CSerializable& object) {
   OutputFile output(path);
@@ -67,7 +53,7 @@ void writeCompressed(const std::string& path, const mrpt::serialization::CSerial
     throw failed();
   }
   // Closing the stream hides a failure; the trailer is there only if all before it is.
-  if (unpackedSize(output.temporaryPath()) != static_cast<std::uint32_t>(size)) throw failed();
+  if (statedGzipLength(output.temporaryPath()) != static_cast<std::uint32_t>(size)) throw failed();
   output.commit();
 }
 

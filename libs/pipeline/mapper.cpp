@@ -533,6 +533,8 @@ MapReport reportOf(const Drives& drives, Solved solved, const StaticScene& scene
 
 }  // namespace
 
+bool holdsSurveys(const StageStore& store) { return store.get(kReadLogs, "").has_value(); }
+
 MapInput mapInput(const std::vector<std::string>& log_paths, const std::string& race_line_path,
                   const MapperOptions& options) {
   std::map<std::string, std::string> path_of;

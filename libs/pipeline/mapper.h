@@ -68,6 +68,9 @@ struct MapInput {
 [[nodiscard]] MapInput mapInput(const std::vector<std::string>& log_paths, const std::string& race_line_path,
                                 const MapperOptions& options);
 
+/** Whether a build has kept the survey of a log: something to go on with. */
+[[nodiscard]] bool holdsSurveys(const StageStore& store);
+
 /** A stage of the work, and how far it is (0..1). */
 using StageProgress = std::function<void(const std::string& stage, double share)>;
 

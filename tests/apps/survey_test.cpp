@@ -194,6 +194,19 @@ TEST_F(Survey, ARaceLineOfAnotherPlaceIsRefused) {
   EXPECT_THAT(result.err, HasSubstr("race line: the survey is nowhere near it"));
 }
 
+TEST_F(Survey, ARefusedLogIsRefusedAgainInTheSameWords) {
+  std::string options = readFile(ini("map.ini"));
+  const std::regex gap("\ngps_max_gap_s = [0-9.]+\n");
+  ASSERT_TRUE(std::regex_search(options, gap));
+  writeFile(out / "map.ini", std::regex_replace(options, gap, "\ngps_max_gap_s = 0.001\n"));
+  auto command = mapping({log("one_lap")});
+  *std::find(command.begin(), command.end(), ini("map.ini")) = out / "map.ini";
+  const auto first = runCommand(command), second = runCommand(command);
+  EXPECT_EQ(first.exit_code, 2);
+  EXPECT_THAT(first.err, HasSubstr("one_lap.rawlog: GPS fixes"));
+  EXPECT_EQ(second.err, first.err);
+}
+
 TEST_F(Survey, OneThreadMakesTheSameMapAsTwo) {
   const auto hash = [&] { return raceloc::MapFile(out / "map.rlmap").contentHash(); };
   require(runCommand(mapping({log("one_lap")})));

@@ -36,7 +36,7 @@ std::vector<Keyframe> keyframesOf() {
   return keyframes;
 }
 
-/** Median over every tenth key pose: along one stretch of a minute GNSS and LiDAR are 10 m apart. */
+/** Median over every tenth key pose: along one stretch of some 20 s GNSS and LiDAR are 10 m apart. */
 constexpr std::size_t kFirst = 5, kEvery = 10;
 double medianDistance(const std::vector<Pose>& T_map_body, const std::vector<Eigen::Vector3d>& gnss_m) {
   std::vector<double> off_m;
