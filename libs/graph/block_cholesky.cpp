@@ -123,6 +123,7 @@ std::vector<int> ordering(Common& common, std::size_t poses, const Links& links,
 struct BlockCholesky::Store {
   Common common;
   std::size_t poses;         ///< in the factor
+  bool spare;                ///< whether L is one that changes
   std::size_t capacity;      ///< and with its room; a pose to come is a row of the identity
   std::vector<int> place;    ///< of a pose in the order of elimination
   std::vector<int> pose_at;  ///< its inverse
@@ -130,8 +131,13 @@ struct BlockCholesky::Store {
   std::vector<int> rows;     ///< places of the blocks of a column, ascending, the diagonal first
   Sparse H{nullptr, {&common}};
   Factorization L{nullptr, {&common}};
-  Dense b{nullptr, {&common}}, x{nullptr, {&common}}, y{nullptr, {&common}}, e{nullptr, {&common}};
-  Sparse near{nullptr, {&common}}, reached{nullptr, {&common}};
+  /** \name The elimination tree of L's blocks, and what solveMoving() needs of each
+   * @{ */
+  std::vector<int> parent;                 ///< -1 at a root
+  std::vector<std::vector<int>> children;  ///< those that got another parent meanwhile too
+  std::vector<double> x;                   ///< zero between solves
+  std::vector<char> seen, moving;          ///< likewise
+  /** @} */
   double flops_whole = 0, flops_changed = 0;
 
   [[nodiscard]] int place_of(std::size_t pose) const {
@@ -154,23 +160,66 @@ struct BlockCholesky::Store {
         std::ptrdiff_t{first[static_cast<std::size_t>(column)]} * kBlock * kBlock + kBlock * (found - begin);
     return BlockMap(valuesOf(*H) + start, Eigen::OuterStride<>(kBlock * Eigen::Index{blocksIn(column)}));
   }
-  /** x of solveNear(), through CHOLMOD's own handles, which it fills and grows. */
-  void solveReach() {
-    auto* x_raw = x.release();
-    auto* y_raw = y.release();
-    auto* e_raw = e.release();
-    auto* reached_raw = reached.release();
-    const int ok = cholmod_solve2(CHOLMOD_A, L.get(), b.get(), near.get(), &x_raw, &reached_raw, &y_raw,
-                                  &e_raw, &common);
-    x.reset(x_raw);
-    y.reset(y_raw);
-    e.reset(e_raw);
-    reached.reset(reached_raw);
-    if (!ok) throw std::bad_alloc();
+  /** Entries of a column of L: D first, then L, rows ascending. */
+  struct Column {
+    const int* rows;
+    const double* values;
+    int size;
+  };
+  [[nodiscard]] Column column(int at, int k) const {
+    const auto j = kBlock * std::ptrdiff_t{at} + k;
+    const int start = static_cast<const int*>(L->p)[j];
+    return {static_cast<const int*>(L->i) + start, static_cast<const double*>(L->x) + start,
+            static_cast<const int*>(L->nz)[j]};
   }
-  void demand(std::size_t pose) {  // six entries of `near`, whose column is as long as asked so far
-    int* column = columnsOf(*near);
-    for (int k = 0; k < kBlock; ++k) rowsOf(*near)[column[1]++] = kBlock * place_of(pose) + k;
+  [[nodiscard]] int parentInL(int at) const {
+    const Column last = column(at, kBlock - 1);  // has all rows below the block that any of the six has
+    return last.size > 1 ? last.rows[1] / kBlock : -1;
+  }
+  void growTree() {
+    parent.assign(capacity, -1);
+    children.assign(capacity, {});
+    x.assign(kBlock * capacity, 0);
+    seen.assign(capacity, 0);
+    moving.assign(capacity, 0);
+    for (int at = 0; at < static_cast<int>(capacity); ++at) {
+      parent[static_cast<std::size_t>(at)] = parentInL(at);
+      if (parentInL(at) >= 0) children[static_cast<std::size_t>(parentInL(at))].push_back(at);
+    }
+  }
+  /** Tells the tree that blocks from `at` to the root may have got new rows. */
+  void regrow(int at) {
+    while (at >= 0) {
+      const auto i = static_cast<std::size_t>(at);
+      const int now = parentInL(at);
+      if (now != parent[i] && now >= 0) children[static_cast<std::size_t>(now)].push_back(at);
+      at = parent[i] = now;
+    }
+  }
+  /** L y = b below a block whose y is ready; then D z = y in it. */
+  void eliminate(int at) {
+    for (int k = 0; k < kBlock; ++k) {
+      const Column l = column(at, k);
+      const double y = x[static_cast<std::size_t>(l.rows[0])];
+      for (int e = 1; e < l.size; ++e) x[static_cast<std::size_t>(l.rows[e])] -= l.values[e] * y;
+      x[static_cast<std::size_t>(l.rows[0])] = y / l.values[0];
+    }
+  }
+  /** L' x = z in a block whose ancestors' x are ready. */
+  Vector6d substitute(int at) {
+    Vector6d result;
+    for (int k = kBlock - 1; k >= 0; --k) {
+      const Column l = column(at, k);
+      double sum = x[static_cast<std::size_t>(l.rows[0])];
+      for (int e = 1; e < l.size; ++e) sum -= l.values[e] * x[static_cast<std::size_t>(l.rows[e])];
+      result(k) = x[static_cast<std::size_t>(l.rows[0])] = sum;
+    }
+    return result;
+  }
+  [[nodiscard]] bool hangsFromMoving(int at) const {
+    const Column last = column(at, kBlock - 1);
+    return std::any_of(last.rows + 1, last.rows + last.size,
+                       [&](int row) { return moving[static_cast<std::size_t>(row / kBlock)] != 0; });
   }
 };
 
@@ -179,6 +228,7 @@ BlockCholesky::BlockCholesky(std::size_t poses, const std::vector<std::pair<std:
     : x_(std::make_unique<Store>()) {
   Common& common = x_->common;
   x_->poses = poses;
+  x_->spare = spare > 0;
   x_->capacity = poses + spare;
   Links pairs;
   pairs.reserve(links.size());
@@ -222,11 +272,6 @@ BlockCholesky::BlockCholesky(std::size_t poses, const std::vector<std::pair<std:
   common.supernodal = CHOLMOD_AUTO;
   x_->L = {allocated(cholmod_analyze(x_->H.get(), &common)), {&common}};
   x_->flops_whole = common.fl;
-  if (spare > 0) {
-    x_->b.reset(allocated(cholmod_zeros(size, 1, CHOLMOD_REAL, &common)));
-    x_->near = newSparse(common, size, 1, size, 0, CHOLMOD_PATTERN);
-    std::fill(columnsOf(*x_->near), columnsOf(*x_->near) + 2, 0);
-  }
 }
 
 BlockCholesky::~BlockCholesky() = default;
@@ -263,9 +308,10 @@ bool BlockCholesky::factorize(double damping) {
   cholmod_factorize(x_->H.get(), x_->L.get(), &common);
   if (common.status == CHOLMOD_OUT_OF_MEMORY) throw std::bad_alloc();
   if (common.status != CHOLMOD_OK || x_->L->minor < x_->L->n) return false;
-  if (x_->b) {  // with room: from now on it changes, and H is not needed any more
+  if (x_->spare) {  // from now on L changes, and H is not needed any more
     cholmod_change_factor(CHOLMOD_REAL, 0, 0, 0, 0, x_->L.get(), &common);
     x_->H.reset();
+    x_->growTree();
   }
   return true;
 }
@@ -314,7 +360,11 @@ bool BlockCholesky::change(const std::vector<LinearFactor>& terms, bool up) {
   const int ok = cholmod_updown(up, C.get(), x_->L.get(), &common);
   if (common.status == CHOLMOD_OUT_OF_MEMORY) throw std::bad_alloc();
   x_->flops_changed += common.modfl;
-  return ok && common.status == CHOLMOD_OK;
+  if (!ok || common.status != CHOLMOD_OK) return false;
+  for (const LinearFactor& term : terms)
+    x_->regrow(term.j == kNoPose ? x_->place_of(term.i)
+                                 : std::min(x_->place_of(term.i), x_->place_of(term.j)));
+  return true;
 }
 
 bool BlockCholesky::append(const Matrix6d& diagonal,
@@ -349,40 +399,60 @@ bool BlockCholesky::append(const Matrix6d& diagonal,
         static_cast<const double*>(x_->L->x) + static_cast<const int*>(x_->L->p)[kBlock * at + k];
     if (!(*D > kSingular * diagonal(k, k))) return false;
   }
+  for (const auto& [row, H] : blocks) x_->regrow(row);
   ++x_->poses;
   return true;
 }
 
-std::vector<std::pair<std::size_t, Vector6d>> BlockCholesky::solveNear(
-    const std::vector<std::pair<std::size_t, Vector6d>>& b) const {
+std::vector<std::pair<std::size_t, Vector6d>> BlockCholesky::solveMoving(
+    const std::vector<std::pair<std::size_t, Vector6d>>& b, const Moves& moves) const {
+  std::vector<int> order;  // of the blocks, ancestors first
   for (const auto& [pose, value] : b) {
-    x_->demand(pose);
-    Eigen::Map<Vector6d>(valuesOf(*x_->b) + kBlock * std::ptrdiff_t{x_->place_of(pose)}) = value;
+    int at = x_->place_of(pose);
+    Eigen::Map<Vector6d>(x_->x.data() + kBlock * std::ptrdiff_t{at}) = value;
+    for (; at >= 0 && !x_->seen[static_cast<std::size_t>(at)];
+         at = x_->parent[static_cast<std::size_t>(at)]) {
+      x_->seen[static_cast<std::size_t>(at)] = 1;
+      order.push_back(at);
+    }
   }
-  x_->solveReach();
-  for (const auto& [pose, value] : b)
-    Eigen::Map<Vector6d>(valuesOf(*x_->b) + kBlock * std::ptrdiff_t{x_->place_of(pose)}).setZero();
-  columnsOf(*x_->near)[1] = 0;
+  std::sort(order.begin(), order.end());
+  for (const int at : order) x_->eliminate(at);
+  std::reverse(order.begin(), order.end());
 
   std::vector<std::pair<std::size_t, Vector6d>> x;
-  const int* rows = rowsOf(*x_->reached);
-  for (int k = 0; k < columnsOf(*x_->reached)[1]; ++k)
-    if (rows[k] % kBlock == 0)  // a path goes through all six rows of a pose
-      x.emplace_back(x_->pose_of(rows[k] / kBlock), Eigen::Map<const Vector6d>(valuesOf(*x_->x) + rows[k]));
+  const auto solve = [&](int at) {
+    x.emplace_back(x_->pose_of(at), x_->substitute(at));
+    x_->moving[static_cast<std::size_t>(at)] = moves(x.back().first, x.back().second);
+  };
+  for (const int at : order) solve(at);
+  for (std::size_t k = 0; k < order.size(); ++k) {  // `order` grows below what moves
+    const auto at = static_cast<std::size_t>(order[k]);
+    if (!x_->moving[at] && !x_->hangsFromMoving(order[k])) continue;
+    auto& children = x_->children[at];
+    const auto gone = [&](int child) { return x_->parent[static_cast<std::size_t>(child)] != order[k]; };
+    children.erase(std::remove_if(children.begin(), children.end(), gone), children.end());
+    for (const int child : children)
+      if (!x_->seen[static_cast<std::size_t>(child)] && x_->hangsFromMoving(child)) {
+        x_->seen[static_cast<std::size_t>(child)] = 1;
+        order.push_back(child);
+        solve(child);
+      }
+  }
+  for (const int at : order) {
+    std::fill_n(x_->x.begin() + kBlock * std::ptrdiff_t{at}, kBlock, 0.0);
+    x_->seen[static_cast<std::size_t>(at)] = x_->moving[static_cast<std::size_t>(at)] = 0;
+  }
   return x;
 }
 
 Matrix6d BlockCholesky::inverseBlock(std::size_t pose) const {
   Matrix6d block;
-  const int at = kBlock * x_->place_of(pose);
-  x_->demand(pose);
-  for (int k = 0; k < kBlock; ++k) {
-    valuesOf(*x_->b)[at + k] = 1;
-    x_->solveReach();
-    valuesOf(*x_->b)[at + k] = 0;
-    block.col(k) = Eigen::Map<const Vector6d>(valuesOf(*x_->x) + at);
-  }
-  columnsOf(*x_->near)[1] = 0;
+  for (int k = 0; k < kBlock; ++k)
+    solveMoving({{pose, Vector6d::Unit(k)}}, [&](std::size_t reached, const Vector6d& x) {
+      if (reached == pose) block.col(k) = x;
+      return false;
+    });
   return 0.5 * (block + block.transpose());
 }
 

@@ -3,7 +3,6 @@
 #include <Eigen/Cholesky>
 #include <algorithm>
 #include <cmath>
-#include <iterator>
 #include <stdexcept>
 #include <utility>
 
@@ -39,7 +38,6 @@ void Smoother::update(const std::vector<Pose>& new_T_map_body, const std::vector
   x_factors_of.resize(poses);
   x_information.resize(poses, Matrix6d::Zero());
   x_since_check.resize(poses);
-  x_marked.resize(poses, 0);
   for (std::size_t f = old_factors; f < x_graph.factors.size(); ++f) {
     const LinearFactor term = lineariseNow(f);
     x_in_L.push_back(term);
@@ -128,7 +126,7 @@ void Smoother::renew() {
 
 /** Solves the linear model where poses are not at rest, and moves what moves. */
 void Smoother::relax() {
-  Steps pushes;
+  std::vector<std::pair<std::size_t, Vector6d>> pushes;
   bool all_at_rest = true;
   for (const std::size_t pose : std::exchange(x_restless, {})) {
     const Vector6d g = modelGradient(pose);
@@ -137,50 +135,16 @@ void Smoother::relax() {
   }
   if (all_at_rest) return;
   std::vector<std::size_t> far;
-  for (const auto& [pose, step] : response(std::move(pushes)))
+  const auto moves = [&](std::size_t pose, const Vector6d& step) {
+    return inSigmas(pose, step) >= x_options.rest_sigma;
+  };
+  for (const auto& [pose, step] : x_L->solveMoving(pushes, moves))
     if (move(pose, step)) far.push_back(pose);
   for (const std::size_t pose : far) {
     x_since_check[pose] = {};
     for (const std::size_t f : x_factors_of[pose])
       if ((lineariseNow(f).r - x_in_L[f].r).norm() > x_options.model_sigma) x_stale.insert(f);
   }
-}
-
-/** Solves for the poses that move. A path to the root leaves out what hangs from it: where the last ones on it
- * move, their neighbours are asked for too, twice as far each time. */
-Smoother::Steps Smoother::response(Steps pushes) {
-  const std::size_t poses = x_graph.T_map_body.size();
-  for (int distance = 1;; distance *= 2) {
-    Steps steps = x_L->solveNear(pushes);
-    if (steps.size() > poses / 4) break;
-    ++x_mark;
-    for (const auto& [pose, step] : steps) x_marked[pose] = x_mark;
-    std::vector<std::size_t> rim;
-    for (const auto& [pose, step] : steps)
-      if (inSigmas(pose, step) > x_options.rest_sigma) rim.push_back(pose);
-    bool complete = true;
-    for (int k = 0; k < distance; ++k) {
-      std::vector<std::size_t> next;
-      for (const std::size_t pose : rim)
-        for (const std::size_t f : x_factors_of[pose])
-          for (const std::size_t other : {x_in_L[f].i, x_in_L[f].j})
-            if (other != kNoPose && x_marked[other] != x_mark) {
-              x_marked[other] = x_mark;
-              next.push_back(other);
-              pushes.emplace_back(other, Vector6d::Zero());
-              complete = false;
-            }
-      rim = std::move(next);
-    }
-    if (complete) return steps;
-  }
-  Eigen::VectorXd b = Eigen::VectorXd::Zero(6 * static_cast<Eigen::Index>(poses));
-  for (const auto& [pose, push] : pushes) b.segment<6>(static_cast<Eigen::Index>(6 * pose)) = push;
-  const Eigen::VectorXd x = x_L->solve(b);
-  Steps steps;
-  for (std::size_t i = 0; i < poses; ++i)
-    steps.emplace_back(i, x.segment<6>(static_cast<Eigen::Index>(6 * i)));
-  return steps;
 }
 
 double Smoother::inSigmas(std::size_t pose, const Vector6d& step) const {

@@ -59,7 +59,6 @@ class Smoother {
   [[nodiscard]] int renewals() const { return x_renewals; }
 
  private:
-  using Steps = std::vector<std::pair<std::size_t, Vector6d>>;  ///< of poses
   struct Way {
     double turn_rad = 0, sigma = 0;
   };
@@ -68,7 +67,6 @@ class Smoother {
   void relax();
   [[nodiscard]] bool relineariseSome();
   [[nodiscard]] Vector6d modelGradient(std::size_t pose) const;
-  [[nodiscard]] Steps response(Steps pushes);
   [[nodiscard]] double inSigmas(std::size_t pose, const Vector6d& step) const;
   bool move(std::size_t pose, const Vector6d& step);
   [[nodiscard]] LinearFactor lineariseNow(std::size_t factor) const;
@@ -80,8 +78,6 @@ class Smoother {
   std::vector<LinearFactor> x_in_L;                    ///< each factor's linear model, J as L has it
   std::vector<Matrix6d> x_information;                 ///< diagonal blocks of L L', near enough
   std::vector<Way> x_since_check;  ///< how far each pose has gone since its factors were checked
-  std::vector<unsigned> x_marked;  ///< poses seen in the search number `x_mark`
-  unsigned x_mark = 0;
   std::optional<BlockCholesky> x_L;
   std::set<std::size_t> x_restless;  ///< poses to look at
   std::set<std::size_t> x_stale;     ///< factors to linearise anew
