@@ -993,7 +993,8 @@ class CsvTest : public SensorsTest {
 };
 
 TEST_F(CsvTest, ColumnsBecomeSamples) {
-  write("log.csv", "t,lat,lon,kmh,wheel\n1000,49,8.4,20,1\n1001,49,8.4,,1\n1002,49.00001,8.4,40,-1\n");
+  write("log.csv",
+        "\xEF\xBB\xBFt,lat,lon,kmh,wheel\n1000,49,8.4,20,1\n1001,49,8.4,,1\n1002,49.00001,8.4,40,-1\n");
   const auto summary = importLog(source, in("x.rawlog"), kQuiet);
   EXPECT_EQ(summary.origin->latitude_deg, 49);
   EXPECT_THAT(summary.notes, Contains(HasSubstr("1 rows of log.csv not used for vehicle")));
