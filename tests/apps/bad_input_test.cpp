@@ -61,7 +61,7 @@ TEST_P(BadLogOrIni, LogIsEmpty) {
 
 TEST_P(BadLogOrIni, LogIsSomethingElse) {
   writeFile(in / "letter.rawlog", "Dear driver,\nthis is not a log.\n");
-  expectRefused(command(goodIni(), in / "letter.rawlog"), {in / "letter.rawlog"});
+  expectRefused(command(goodIni(), in / "letter.rawlog"), {in / "letter.rawlog: not a rawlog"});
 }
 
 TEST_P(BadLogOrIni, LogIsTruncated) {

@@ -493,7 +493,7 @@ TEST_F(SensorsTest, MissingEmptyAndGarbageLogsAreErrors) {
   EXPECT_THAT(inputErrorOf([&] {
                 static_cast<void>(summarizeRawlog(write("text.rawlog", "this is no rawlog at all")));
               }),
-              HasSubstr("after 0 objects"));
+              HasSubstr("text.rawlog: not a rawlog (no object of MRPT at its start)"));
 }
 
 TEST_F(SensorsTest, UnknownClassesAreErrors) {
