@@ -254,6 +254,16 @@ TEST(Options, NearestNameIsEmptyWhenNothingIsNear) {
   EXPECT_EQ(nearestName("x", {}), "");
 }
 
+// ---- labels
+
+TEST(Labels, PatternsThatMatchNothingAreNamed) {
+  const std::vector<std::string> labels{"gps_left", "gps_right", "imu"};
+  EXPECT_THAT(unmatchedPatterns("gps_* imu", labels), ::testing::IsEmpty());
+  EXPECT_THAT(unmatchedPatterns("gps_left, gps_rear radar_?", labels), ElementsAre("gps_rear", "radar_?"));
+  EXPECT_THAT(unmatchedPatterns("*", {}), ElementsAre("*"));
+  EXPECT_THAT(unmatchedPatterns(" ", labels), ::testing::IsEmpty());
+}
+
 // ---- files
 
 TEST(OutputFile, AppearsOnlyWhenCommitted) {
