@@ -666,7 +666,7 @@ TEST_F(MessageReaderTest, SteeringIsJoinedToTheSpeedRightAfterIt) {
 TEST_F(MessageReaderTest, BadLogsAreErrors) {
   EXPECT_THAT(inputErrorOf([&] { MessageReader reader(in("none.rawlog")); }), HasSubstr("cannot be read"));
   EXPECT_THAT(inputErrorOf([&] { MessageReader reader(write("text.rawlog", "this is no rawlog at all")); }),
-              HasSubstr("after 0 objects"));
+              HasSubstr("not a rawlog"));
   const std::string path = writeLog(in("x.rawlog"), std::vector<Sample>(500, kScan));
   fs::resize_file(path, fs::file_size(path) / 2);
   EXPECT_THAT(inputErrorOf([&] { static_cast<void>(messagesOf(path)); }), HasSubstr("truncated"));
