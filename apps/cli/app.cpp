@@ -1,8 +1,10 @@
 #include "cli/app.h"
 
+#include <signal.h>
 #include <sys/resource.h>
 #include <unistd.h>
 
+#include <atomic>
 #include <cstdio>
 #include <iostream>
 #include <utility>
@@ -18,10 +20,31 @@ int runApp(const std::string& name, const std::function<void()>& body) {
   } catch (const InputError& e) {
     std::fprintf(stderr, "%s: %s\n", name.c_str(), e.what());
     return 2;
+  } catch (const Stopped& e) {
+    std::fprintf(stderr, "%s: %s\n", name.c_str(), e.what());
+    return 128 + e.signal();
   } catch (const std::exception& e) {
     std::fprintf(stderr, "%s: internal error, please report it: %s\n", name.c_str(), e.what());
     return 1;
   }
+}
+
+namespace {
+
+std::atomic<int> asked_to_stop = 0;  // the signal's number
+static_assert(std::atomic<int>::is_always_lock_free, "a signal handler writes it");
+
+}  // namespace
+
+void stopWhenAsked() {
+  struct sigaction action {};
+  action.sa_handler = [](int signal) { asked_to_stop = signal; };
+  action.sa_flags = static_cast<int>(SA_RESETHAND) | SA_RESTART;
+  for (const int signal : {SIGINT, SIGTERM}) sigaction(signal, &action, nullptr);
+}
+
+void requireNotStopped() {
+  if (asked_to_stop != 0) throw Stopped(asked_to_stop, "stopped");
 }
 
 namespace {

@@ -7,14 +7,30 @@
 #include <chrono>
 #include <functional>
 #include <memory>
+#include <stdexcept>
 #include <string>
 #include <vector>
 
 namespace raceloc {
 
 /** Runs `body` and turns how it ends into what the user sees: 0 when it returns; one line on stderr and 2 for
- * an InputError (bad arguments are one); the line of the exception and 1 for anything else. */
+ * an InputError (bad arguments are one); one line and 128 + the signal's number when it was Stopped; the line of the
+ * exception and 1 for anything else. */
 int runApp(const std::string& name, const std::function<void()>& body);
+
+/** The user wants no more of it. */
+class Stopped : public std::runtime_error {
+ public:
+  Stopped(int signal, const std::string& words) : std::runtime_error(words), x_signal(signal) {}
+  [[nodiscard]] int signal() const { return x_signal; }
+
+ private:
+  int x_signal;
+};
+/** From now on the first SIGINT or SIGTERM is a wish; the next one ends the process, as ever. */
+void stopWhenAsked();
+/** \throws Stopped after such a signal */
+void requireNotStopped();
 
 /** A command line in MRPT's manner. `summary` is what `--help` prints first, line by line as given: NAME,
  * what it does, EXAMPLES, EXIT STATUS. parse() returns false after `--help` or `--version`: the app then just

@@ -38,7 +38,8 @@ DESCRIPTION
   section [qa]), MAP.simplemap (robot-map-gui) and MAP.3Dscene (SceneViewer3D). Files appear under their names
   when they are whole. What a run has done so far is in MAP.rlmap.build: after a kill, --resume goes on from there.
   With --keep it stays when the map is done, and a later --resume with more logs reads those only that are new.
-  A map or a build that is there already is not touched without --resume or --replace.
+  Files of a map or a build that are there already are not touched without --resume or --replace. Ctrl-C stops as a kill
+  does, and says how to go on.
 
 EXAMPLES
   raceloc-map -c ini/map.ini -o monza.rlmap survey.rawlog
@@ -51,7 +52,7 @@ EXAMPLES
 
 EXIT STATUS
   0 the map was written, whatever the verdict; 2 an input is missing or wrong (one line says which);
-  1 a fault of raceloc.
+  1 a fault of raceloc; 130 or 143 it was stopped.
 )";
 
 /** One file under two names, whether it is there or not. */
@@ -193,15 +194,19 @@ void build(const BuildArgs& args) {
   if (had_store && !args.replace && !args.resume)
     throw InputError("output " + args.map_path + ": " + store_path +
                      " is there; --resume goes on with it, --replace drops it");
-  if (std::filesystem::exists(args.map_path, unknown) && !args.replace && !(args.resume && had_store))
-    throw InputError("output " + args.map_path + ": is there already" +
-                     (args.resume ? ", and " + store_path + ", with which to go on, is not" : "") +
-                     "; --replace builds it anew");
   const std::string simplemap_path = options.map.write_simplemap ? besides(args.map_path, ".simplemap") : "";
   const std::string scene_path = options.map.write_scene ? besides(args.map_path, ".3Dscene") : "";
-  std::vector<std::string> outputs{args.map_path, store_path, besides(args.map_path, ".html"),
+  std::vector<std::string> outputs{args.map_path, besides(args.map_path, ".html"),
                                    besides(args.map_path, ".json")};
-  for (const auto& path : {simplemap_path, scene_path, args.odometry_path, args.trajectory_path})
+  for (const auto& path : {simplemap_path, scene_path})
+    if (!path.empty()) outputs.push_back(path);
+  for (const auto& path : outputs)
+    if (std::filesystem::exists(path, unknown) && !args.replace && !(args.resume && had_store))
+      throw InputError("output " + path + ": is there already" +
+                       (args.resume ? ", and " + store_path + ", with which to go on, is not" : "") +
+                       "; --replace builds the map anew");
+  outputs.push_back(store_path);
+  for (const auto& path : {args.odometry_path, args.trajectory_path})
     if (!path.empty()) outputs.push_back(path);
   std::vector<std::string> inputs = args.log_paths;
   inputs.insert(inputs.end(), {args.ini_path, args.race_line_path});
@@ -209,6 +214,7 @@ void build(const BuildArgs& args) {
 
   const auto start = std::chrono::steady_clock::now();
   const MapInput input = mapInput(args.log_paths, args.race_line_path, options);
+  stopWhenAsked();
   // The store is locked first: another run on the same map would take the files away that this one writes.
   StageStore store(store_path, args.resume ? StageStore::Open::resume : StageStore::Open::anew);
   std::optional<BuiltMap> built;
@@ -216,8 +222,13 @@ void build(const BuildArgs& args) {
     for (const std::string& path : outputs)  // one that cannot be written is told before the work, not after
       if (path != store_path) OutputFile{path};
     Stages stages;
-    built.emplace(buildMap(input, store, options, toolVersion(),
-                           [&](const std::string& stage, double share) { stages(stage, share); }));
+    built.emplace(buildMap(input, store, options, toolVersion(), [&](const std::string& stage, double share) {
+      requireNotStopped();
+      stages(stage, share);
+    }));
+  } catch (const Stopped& stopped) {
+    throw Stopped(stopped.signal(), "stopped; what is done is kept in " + store_path +
+                                        ", the same command with --resume goes on");
   } catch (const InputError&) {
     if (!holdsSurveys(store)) store.remove();  // there is nothing to go on with
     throw;

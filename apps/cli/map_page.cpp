@@ -178,6 +178,10 @@ std::string qaPage(const std::string& title, const BuiltMap& built, const QaResu
              {format("loops above %g m", options.degenerate_loop_sigma_m), stretchText(qa.degenerate_loops)}},
             true);
 
+  body += heading("Scans used as they are") +
+          (qa.taken_as_they_are.empty() ? note("None.") : list(qa.taken_as_they_are)) + heading("Degraded") +
+          (qa.degraded.empty() ? note("Nothing.") : list(qa.degraded));
+
   body +=
       heading("Made from") + sessionsTable(report) +
       note(format("%zu key poses, %zu points in %zu tiles; ", report.key_poses, report.points, report.tiles) +
@@ -223,14 +227,21 @@ std::string qaJson(const BuiltMap& built, const QaResult& qa) {
                               {"limit_is", c.at_least ? "least" : "most"},
                               {"passed", c.passed()}});
   json["sessions"] = ordered_json::array();
-  for (const SessionReport& s : r.sessions)
+  for (const SessionReport& s : r.sessions) {
+    ordered_json faults = ordered_json::array();
+    for (const auto& [fault, times] : s.odometry.faults)
+      faults.push_back({{"what", fault}, {"times", times}});
     json["sessions"].push_back({{"session", s.session},
                                 {"recorded_s", rounded(s.recorded_s)},
                                 {"scans", s.odometry.scans},
                                 {"trusted_scans", s.odometry.trusted},
                                 {"key_poses", s.key_poses},
                                 {"match_residual_m", rounded(s.match_residual_m)},
-                                {"match_inlier_share", rounded(s.match_inlier_share)}});
+                                {"match_inlier_share", rounded(s.match_inlier_share)},
+                                {"restarts", s.odometry.restarts},
+                                {"dropped_samples", s.dropped_late},
+                                {"faults", faults}});
+  }
   json["graph"] = {{"key_poses", r.key_poses},
                    {"fixes", r.gps_fixes},
                    {"attitudes", r.attitudes},

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
+#include <filesystem>
 #include <functional>
 #include <map>
 #include <memory>
@@ -39,11 +40,12 @@ constexpr char kExportManual[] = R"(NAME
   raceloc-map export - a map in other formats
 
 SYNOPSIS
-  raceloc-map export MAP.rlmap -o PREFIX FORMAT...
+  raceloc-map export MAP.rlmap -o PREFIX [--replace] FORMAT...
 
 DESCRIPTION
-  Writes PREFIX and the format's extension. Coordinates are metres in the map's frame (east, north, up), except in GeoJSON
-  and KML (WGS84); PREFIX.origin.json, always written, says where that frame lies.
+  Writes PREFIX and the format's extension; a file that is there already stays without --replace. Coordinates are metres
+  in the map's frame (east, north, up), except in GeoJSON and KML (WGS84); PREFIX.origin.json, always written, says
+  where that frame lies.
 
 EXAMPLES
   raceloc-map export lvms.rlmap -o lvms --ply --geojson --kml
@@ -107,6 +109,20 @@ std::optional<Args> parseMapAlone(const char* manual, std::vector<std::string> w
   MapName map(cmd);
   if (!cmd.parse(std::move(words))) return std::nullopt;
   return Args{map.path()};
+}
+
+/** \throws InputError for the first output that is there already and is not to be replaced */
+void requireNew(const MapExportArgs& args) {
+  std::vector<std::string> extensions{".origin.json"};
+  for (const std::string& format : args.formats)
+    if (format == "tum")
+      extensions.insert(extensions.end(), {".tum", "_gps_graph.tum", "_lidar_graph.tum"});
+    else
+      extensions.push_back(format == "3dscene" ? ".3Dscene" : "." + format);
+  std::error_code unknown;  // who writes it knows better what is wrong
+  for (const std::string& extension : extensions)
+    if (!args.replace && std::filesystem::exists(args.prefix + extension, unknown))
+      throw InputError("output " + args.prefix + extension + ": is there already; --replace writes it anew");
 }
 
 double driven_m(const std::vector<KeyPose>& key_poses, const std::string& session) {
@@ -194,6 +210,7 @@ std::optional<MapCheckArgs> parseMapCheck(std::vector<std::string> words) {
 
 std::optional<MapExportArgs> parseMapExport(std::vector<std::string> words) {
   CommandLine cmd(kExportManual);
+  TCLAP::SwitchArg replace("", "replace", "write files anew that are there already", cmd);
   std::vector<std::unique_ptr<TCLAP::SwitchArg>> formats;
   for (auto format = std::rbegin(kFormats); format != std::rend(kFormats);
        ++format)  // TCLAP lists them backwards
@@ -201,7 +218,7 @@ std::optional<MapExportArgs> parseMapExport(std::vector<std::string> words) {
   Text out("o", "output", "the files to write, without their extensions", false, "", "PREFIX", cmd);
   MapName map(cmd);
   if (!cmd.parse(std::move(words))) return std::nullopt;
-  MapExportArgs args{map.path(), out.getValue(), {}};
+  MapExportArgs args{map.path(), out.getValue(), {}, replace.getValue()};
   for (const auto& format : formats)
     if (format->getValue()) args.formats.insert(format->getName());
   if (args.prefix.empty()) throw InputError("no output given: -o PREFIX (see --help)");
@@ -237,6 +254,7 @@ void mapInfo(const MapInfoArgs& args) {
 }
 
 void mapExport(const MapExportArgs& args) {
+  requireNew(args);
   const MapFile file(args.map_path);
   const MapContent& content = file.content();
   const auto wants = [&](const std::string& format) { return args.formats.count(format) > 0; };

@@ -18,6 +18,7 @@ struct MapInfoArgs {
 struct MapExportArgs {
   std::string map_path, prefix;
   std::set<std::string> formats;  ///< names of the options: "ply", "geojson", ...
+  bool replace;
 };
 struct MapCheckArgs {
   std::string map_path;

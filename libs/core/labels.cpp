@@ -26,6 +26,19 @@ bool matchesLabel(const std::string& patterns, const std::string& label) {
   });
 }
 
+std::vector<std::string> unmatchedPatterns(const std::string& patterns,
+                                           const std::vector<std::string>& labels) {
+  auto words = wordsOf(patterns);
+  words.erase(std::remove_if(words.begin(), words.end(),
+                             [&](const std::string& word) {
+                               return std::any_of(labels.begin(), labels.end(), [&](const auto& label) {
+                                 return matchesLabel(word, label);
+                               });
+                             }),
+              words.end());
+  return words;
+}
+
 std::vector<std::string> labelsNamed(const std::string& patterns) {
   auto words = wordsOf(patterns);
   words.erase(

@@ -11,6 +11,10 @@ namespace raceloc {
  * commas. */
 [[nodiscard]] bool matchesLabel(const std::string& patterns, const std::string& label);
 
+/** Those of the patterns that match none of `labels`: slips of the pen, or devices that are not there. */
+[[nodiscard]] std::vector<std::string> unmatchedPatterns(const std::string& patterns,
+                                                         const std::vector<std::string>& labels);
+
 /** Those of the patterns that are labels, without wildcards: devices that someone counts on. */
 [[nodiscard]] std::vector<std::string> labelsNamed(const std::string& patterns);
 

@@ -6,9 +6,11 @@
 #include <cctype>
 #include <charconv>
 #include <cmath>
-#include <fstream>
 #include <set>
 #include <sstream>
+#include <string_view>
+
+#include "core/text_file.h"
 
 namespace raceloc {
 
@@ -16,6 +18,12 @@ namespace {
 
 std::string lower(std::string text) {
   for (char& c : text) c = static_cast<char>(std::tolower(static_cast<unsigned char>(c)));
+  return text;
+}
+
+std::string printable(std::string text) {
+  std::replace_if(
+      text.begin(), text.end(), [](unsigned char c) { return std::isprint(c) == 0; }, '?');
   return text;
 }
 
@@ -131,31 +139,43 @@ std::string iniText(const std::string& section, OptionList& keys) {
 }
 
 IniFile::IniFile(const std::string& path) : x_path(path) {
-  std::ifstream in(path);
+  std::ifstream in = openText(path);
   std::string text;
   std::set<std::string> names;
+  bool goes_on = false;  // the line before ends in a backslash
+  int number = 0;
   for (std::string line; std::getline(in, line); text += line + "\n") {
+    ++number;
+    if (!line.empty() && line.back() == '\r') line.pop_back();
     const auto first = line.find_first_not_of(" \t");
-    if (first == std::string::npos) continue;
+    const bool within = std::exchange(goes_on, !line.empty() && line.back() == '\\');
+    if (within || first == std::string::npos) continue;
     if (line.compare(first, 2, "//") == 0) {
       line.clear();  // MRPT reads keys in "// a = b"
       continue;
     }
+    if (std::string_view("#;@").find(line[first]) != std::string_view::npos) continue;
     if (const auto end = line.find(']', first); line[first] == '[' && end != std::string::npos) {
       const std::string name = line.substr(first + 1, end - first - 1);
       if (!names.insert(lower(name)).second)  // MRPT would merge them, silently
         throw InputError("ini " + path + ": section [" + name + "] is there twice; give one another name");
+      continue;
     }
+    const auto bad = [&](const std::string& what) {  // MRPT would pass over it, silently
+      return InputError("ini " + path + ":" + std::to_string(number) + ": " + what + ": " +
+                        printable(line.substr(first, 60)));
+    };
+    const auto equals = line.find('=', first);
+    if (equals == std::string::npos || equals == first) throw bad("neither key = value nor [section]");
+    if (names.empty()) throw bad("above the first [section]");
   }
   if (!in.eof()) throw InputError("ini " + path + ": cannot be read; check the path");
   try {
     x_file = std::make_unique<mrpt::config::CConfigFileMemory>(text);
   } catch (const std::exception& e) {  // MRPT's own syntax: ${X}, $eval{}
-    std::string reason = e.what();
-    reason = reason.substr(0, reason.find_first_of("\r\n"));
-    std::replace_if(
-        reason.begin(), reason.end(), [](unsigned char c) { return std::isprint(c) == 0; }, '?');
-    throw InputError("ini " + path + ": is no ini file (" + reason + ")");
+    const std::string reason = e.what();
+    throw InputError("ini " + path + ": is no ini file (" +
+                     printable(reason.substr(0, reason.find_first_of("\r\n"))) + ")");
   }
 }
 

@@ -5,6 +5,7 @@
 #include <sstream>
 
 #include "core/errors.h"
+#include "core/text_file.h"
 
 namespace raceloc {
 
@@ -51,7 +52,7 @@ void writeTum(const std::string& path, const Trajectory& trajectory) {
 }
 
 Trajectory readTum(const std::string& path) {
-  std::ifstream in(path);
+  std::ifstream in = openText(path);
   if (!in) throw InputError("trajectory " + path + ": cannot be read");
   Trajectory trajectory;
   std::string line;

@@ -92,7 +92,7 @@ void ScanQueue::checkTimes(Scan& scan, Lidar& lidar) {
   scan.stamp_s += 0.5 * lidar.sweep_s;  // what is bent both ways is best in its middle
   if (scan.cloud.empty()) return;
   const char* const unused = times.kind == PointTimes::absent ? "" : ": not used";
-  const auto told = lidar.told.try_emplace(times.kind, times.text + unused + ", scan taken as it is");
+  const auto told = lidar.told.try_emplace(times.kind, times.text + unused + ", " + kTakenAsItIs);
   note(scan.label, told.first->second);
 }
 

@@ -20,6 +20,9 @@ namespace raceloc {
 /** What was wrong, and how often. */
 using FaultCounts = std::map<std::string, std::size_t>;
 
+/** Within the fault of a scan whose point times are missing or bad. */
+constexpr char kTakenAsItIs[] = "scan taken as it is";
+
 /** Holds scans until the motion of their sweep is known, or until it is late, and puts those together that end close
  * together, at most one of each LiDAR. Bounded: it never holds more than a few sweeps, because a scan leaves at the
  * latest 0.3 s after its end, or after the end at which a companion of its turn was due.

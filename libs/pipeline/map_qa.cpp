@@ -286,6 +286,25 @@ void decide(const MapReport& report, const QaOptions& o, QaResult& qa) {
   }
 }
 
+void listFaults(const MapReport& report, QaResult& qa) {
+  for (const SessionReport& s : report.sessions) {
+    const auto tell = [&](std::vector<std::string>& list, const std::string& what, std::size_t times) {
+      list.push_back((report.sessions.size() > 1 ? s.session + ": " : "") + what + " (" +
+                     std::to_string(times) + " times)");
+    };
+    for (const auto& [fault, times] : s.odometry.faults)
+      tell(fault.find(kTakenAsItIs) == std::string::npos ? qa.degraded : qa.taken_as_they_are, fault, times);
+    if (s.odometry.restarts > 0)
+      tell(qa.degraded, "LiDAR odometry lost for good and begun anew", s.odometry.restarts);
+  }
+}
+
+std::string joined(const std::vector<std::string>& items) {
+  std::string text;
+  for (const auto& item : items) text += (text.empty() ? "" : "; ") + item;
+  return text;
+}
+
 }  // namespace
 
 std::string text(const QaCheck& check) {
@@ -307,10 +326,13 @@ bool QaResult::passed() const {
 }
 
 std::string verdict(const QaResult& qa) {
-  std::string reasons;
+  std::vector<std::string> reasons;
   for (const QaCheck& check : qa.checks)
-    if (!check.passed()) reasons += (reasons.empty() ? "" : "; ") + text(check);
-  return reasons.empty() ? "PASS" : "FAIL: " + reasons;
+    if (!check.passed()) reasons.push_back(text(check));
+  std::string words = reasons.empty() ? "PASS" : "FAIL: " + joined(reasons);
+  if (!qa.taken_as_they_are.empty()) words += "; scans used as they are: " + joined(qa.taken_as_they_are);
+  if (!qa.degraded.empty()) words += "; degraded: " + joined(qa.degraded);
+  return words;
 }
 
 QaResult qaOf(const MapContent& content, const MapReport& report, const QaOptions& options) {
@@ -346,6 +368,7 @@ QaResult qaOf(const MapContent& content, const MapReport& report, const QaOption
   judgeLoops(content, report, s, qa);
   qa.degenerate_loops = degenerateLoops(qa.loops, options.degenerate_loop_sigma_m);
   decide(report, options, qa);
+  listFaults(report, qa);
   return qa;
 }
 

@@ -85,9 +85,11 @@ struct QaResult {
   std::vector<Stretch> degenerate_loops;            ///< from the first to the last of such loops in a row
   double road_share, wall_share, degenerate_share;  ///< of the stations
   std::vector<QaCheck> checks;
+  std::vector<std::string> taken_as_they_are;  ///< scans without good point times: assumed not to be bent
+  std::vector<std::string> degraded;           ///< what else the logs lacked, which the figures may not show
   [[nodiscard]] bool passed() const;
 };
-/** "PASS", or "FAIL: " and each limit that was not kept. */
+/** "PASS", or "FAIL: " and each limit that was not kept; then what was assumed and what was degraded. */
 [[nodiscard]] std::string verdict(const QaResult& qa);
 
 /** Judges a map by what it holds and by how it was made. A map without a full lap fails as "full laps 0 < 1", one

@@ -147,6 +147,11 @@ Drives survey(const std::vector<SurveyLog>& logs, StageStore& store, ScanStore& 
   return drives;
 }
 
+InputError ofAnotherPlace(const SurveyLog& log, double nearest_m) {
+  return InputError("rawlog " + log.path + ": of another place, " + std::to_string(std::lround(nearest_m)) +
+                    " m from the logs before it; map it alone");
+}
+
 /** \throws InputError naming a log that was recorded nowhere near those before it. */
 void requireOnePlace(const Drives& drives, const std::vector<Pose>& T_map_body,
                      const std::vector<SurveyLog>& logs) {
@@ -162,9 +167,22 @@ void requireOnePlace(const Drives& drives, const std::vector<Pose>& T_map_body,
             std::min(nearest_m, (T_map_body[key].translation() - T_map_body[other].translation()).norm());
         near = nearest_m < kNear_m;
       }
-    if (!near)
-      throw InputError("rawlog " + logs[static_cast<std::size_t>(session)].path + ": of another place, " +
-                       std::to_string(std::lround(nearest_m)) + " m from the logs before it; map it alone");
+    if (!near) throw ofAnotherPlace(logs[static_cast<std::size_t>(session)], nearest_m);
+  }
+}
+
+/** What is too far apart for requireOnePlace() is told before the odometry, by the fixes alone. */
+void requireNearFixes(const std::vector<SurveyLog>& logs) {
+  constexpr double kFar_m = 1000;  // a drive may go on so far without fixes
+  for (std::size_t n = 1; n < logs.size(); ++n) {
+    const auto& fixes_m = logs[n].summary.fixes_earth_m;
+    double nearest_m = std::numeric_limits<double>::max();
+    for (std::size_t before = 0; before < n; ++before) {
+      const auto& others_m = logs[before].summary.fixes_earth_m;
+      if (fixes_m.isEmpty() || others_m.isEmpty()) return;  // told with the odometry
+      nearest_m = std::min(nearest_m, fixes_m.exteriorDistance(others_m));
+    }
+    if (nearest_m > kFar_m) throw ofAnotherPlace(logs[n], nearest_m);
   }
 }
 
@@ -547,6 +565,7 @@ MapInput mapInput(const std::vector<std::string>& log_paths, const std::string& 
   MapInput input;
   if (!race_line_path.empty()) input.race_line_m = readDrivenLine(race_line_path);
   for (const std::string& path : log_paths) input.logs.push_back(usableLog(path, options.matching.log));
+  requireNearFixes(input.logs);
   return input;
 }
 

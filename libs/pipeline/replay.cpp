@@ -10,6 +10,7 @@
 #include "core/statistics.h"
 #include "pipeline/annotated_log.h"
 #include "pipeline/device_watch.h"
+#include "pipeline/log_faults.h"
 
 namespace raceloc {
 
@@ -57,14 +58,12 @@ std::vector<std::string> sourcesOf(const LogSummary& summary, const std::string&
 
 /** A pattern that switches off nothing is a slip of the pen. */
 void requireSomethingToDisable(const LogSummary& summary, const std::string& patterns) {
-  if (patterns.empty()) return;
   std::vector<std::string> labels;
-  for (const auto& device : summary.devices) {
-    if (matchesLabel(patterns, device.label)) return;
-    labels.push_back(device.label);
-  }
-  throw InputError("rawlog " + summary.path + ": nothing to disable is labelled " + patterns +
-                   " (labels in it: " + listed(labels) + ")");
+  for (const auto& device : summary.devices) labels.push_back(device.label);
+  const auto unmatched = unmatchedPatterns(patterns, labels);
+  if (!unmatched.empty())
+    throw InputError("rawlog " + summary.path + ": nothing to disable is labelled " + listed(unmatched) +
+                     " (labels in it: " + listed(labels) + ")");
 }
 
 /** Sums up outputs as they come. */
@@ -113,7 +112,7 @@ ReplayReport replay(const std::string& log_path, const std::string& map_path, co
   const MapFile map(map_path);
   const GeodeticPoint origin = originOf(map, map_path);
   const LogSummary summary = summarizeRawlog(log_path);
-  requireDevice(summary, "lidar", log.lidar_labels);
+  requireDevices(summary, log);
   requireDevice(summary, "gps", log.gps_labels);
   requireDevice(summary, "vehicle", log.vehicle_labels);
   requireOneClock(summary, log);
@@ -163,6 +162,7 @@ ReplayReport replay(const std::string& log_path, const std::string& map_path, co
   tally.finish();
   report.device_reason = context.reason();
   report.dropped_late = reader.droppedLate();
+  report.faults.merge(logFaults(summary, log, reader));
   report.start = localizer.startReport();
   report.passed_over = localizer.passedOver();
   report.tile_loads = localizer.tileLoads();
@@ -195,7 +195,7 @@ OdometryReport replayOdometry(const std::string& log_path, const ReplayOptions& 
                               const std::function<void(double)>& progress) {
   const MatchingOptions& matching = options.localizer.matching;
   const LogSummary summary = summarizeRawlog(log_path);
-  requireDevice(summary, "lidar", matching.log.lidar_labels);
+  requireDevices(summary, matching.log);
   requireOneClock(summary, matching.log);
   requireSomethingToDisable(summary, options.live.disable_labels);
   gpu::Context context(matching.device.device, 0, matching.device.threads);
@@ -223,6 +223,7 @@ OdometryReport replayOdometry(const std::string& log_path, const ReplayOptions& 
   report.device_reason = context.reason();
   report.recorded_s = summary.last_s - summary.first_s;
   report.odometry = stream.tally();
+  report.odometry.faults.merge(logFaults(summary, matching.log, reader));
   report.dropped_late = reader.droppedLate();
   report.calibration = calibration.mean();
   report.calibration_sigma = calibration.covariance().diagonal().cwiseSqrt();

@@ -13,6 +13,7 @@
 #include "core/errors.h"
 #include "core/statistics.h"
 #include "pipeline/device_watch.h"
+#include "pipeline/log_faults.h"
 
 namespace raceloc {
 
@@ -231,9 +232,7 @@ std::string listed(const FaultCounts& faults) {
 
 SurveyLog usableLog(const std::string& path, const LogOptions& options) {
   SurveyLog log{path, summarizeRawlog(path)};
-  requireDevice(log.summary, "lidar", options.lidar_labels);
-  if (options.gps_labels != "*") requireDevice(log.summary, "gps", options.gps_labels);
-  if (options.vehicle_labels != "*") requireDevice(log.summary, "vehicle", options.vehicle_labels);
+  requireDevices(log.summary, options);
   requireOneClock(log.summary, options);
   return log;
 }
@@ -252,12 +251,14 @@ Survey surveyOf(const SurveyLog& log, const std::optional<GeodeticPoint>& origin
     progress(reader.progress());
   }
   surveyor.finish();
+  OdometryTally tally = surveyor.tally();
+  tally.faults.merge(logFaults(log.summary, options.matching.log, reader));
   if (surveyor.keyframes.size() < 2)
-    throw InputError(
-        "rawlog " + log.path + ": the car passes only " + std::to_string(surveyor.keyframes.size()) +
-        " key pose(s), with " + std::to_string(surveyor.tally().trusted) + " of " +
-        std::to_string(surveyor.tally().scans) + " scans trusted; a map needs two or more " +
-        std::to_string(options.map.keyframe_distance_m) + " m apart" + listed(surveyor.tally().faults));
+    throw InputError("rawlog " + log.path + ": the car passes only " +
+                     std::to_string(surveyor.keyframes.size()) + " key pose(s), with " +
+                     std::to_string(tally.trusted) + " of " + std::to_string(tally.scans) +
+                     " scans trusted; a map needs two or more " +
+                     std::to_string(options.map.keyframe_distance_m) + " m apart" + listed(tally.faults));
   const bool has_gps = std::any_of(surveyor.keyframes.begin(), surveyor.keyframes.end(),
                                    [](const Keyframe& k) { return !k.gps.empty(); });
   if (!has_gps && surveyor.heardGps())
@@ -270,7 +271,7 @@ Survey surveyOf(const SurveyLog& log, const std::optional<GeodeticPoint>& origin
           surveyor.eyes_m(),
           std::move(surveyor.keyframes),
           std::move(surveyor.odometry),
-          surveyor.tally(),
+          std::move(tally),
           quantile(surveyor.residuals_m, 0.5),
           quantile(surveyor.inlier_shares, 0.5),
           reader.droppedLate(),

@@ -19,15 +19,19 @@ Pose earthFromMap(const GeodeticPoint& origin) {
   const Eigen::Vector3d east(-std::sin(lon_rad), std::cos(lon_rad), 0);
   const Eigen::Vector3d up(std::cos(lat_rad) * std::cos(lon_rad), std::cos(lat_rad) * std::sin(lon_rad),
                            std::sin(lat_rad));
-  mrpt::math::TPoint3D centre;
-  mrpt::topography::geodeticToGeocentric_WGS84(toMrpt(origin), centre);
   Pose T = Pose::Identity();
   T.linear() << east, up.cross(east), up;
-  T.translation() << centre.x, centre.y, centre.z;
+  T.translation() = toEarth(origin);
   return T;
 }
 
 }  // namespace
+
+Eigen::Vector3d toEarth(const GeodeticPoint& point) {
+  mrpt::math::TPoint3D p;
+  mrpt::topography::geodeticToGeocentric_WGS84(toMrpt(point), p);
+  return {p.x, p.y, p.z};
+}
 
 Eigen::Vector3d toMap(const GeodeticPoint& point, const GeodeticPoint& origin) {
   mrpt::math::TPoint3D p;

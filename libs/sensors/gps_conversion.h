@@ -12,6 +12,9 @@ namespace raceloc {
 /** Inverse of toMap(): the round trip stays below 0.1 mm within 100 km of the origin, at any latitude. */
 [[nodiscard]] GeodeticPoint fromMap(const Eigen::Vector3d& p_map_m, const GeodeticPoint& origin);
 
+/** Position in the earth-centred, earth-fixed frame [m]. */
+[[nodiscard]] Eigen::Vector3d toEarth(const GeodeticPoint& point);
+
 /** T_to_from between the map frames of two origins: p_to = T_to_from * p_from. Exactly the identity when the
  * origins are equal. */
 [[nodiscard]] Pose mapFromMap(const GeodeticPoint& origin_to, const GeodeticPoint& origin_from);

@@ -61,6 +61,11 @@ bool PackedFile::fill() {
   return true;
 }
 
+std::optional<std::uint8_t> PackedFile::peek() {
+  if (x_out_at == x_out_end && !fill()) return std::nullopt;
+  return x_out[x_out_at];
+}
+
 std::size_t PackedFile::Read(void* buffer, std::size_t count) {
   std::size_t done = 0;
   while (done < count && (x_out_at < x_out_end || fill())) {

@@ -7,6 +7,7 @@
 
 #include <cstdint>
 #include <fstream>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -23,6 +24,8 @@ class PackedFile : public mrpt::io::CStream {
   /** Fewer than `count` bytes only at the end of the file.
    * \throws std::runtime_error if what is packed is damaged, or reading fails */
   std::size_t Read(void* buffer, std::size_t count) override;
+  /** The next byte that Read() will give; none at the end. \throws std::runtime_error as Read() does */
+  [[nodiscard]] std::optional<std::uint8_t> peek();
   /** Whether the file ends within packed data; known at its end. */
   [[nodiscard]] bool isCut() const { return x_packed && x_inside; }
 

@@ -45,8 +45,6 @@ using mrpt::obs::gnss::Message_NMEA_GGA;
 using mrpt::obs::gnss::Message_NMEA_RMC;
 using mrpt::obs::gnss::Message_NV_OEM6_BESTPOS;
 
-constexpr std::size_t kMaxWaiting = 20'000;  // bounds the memory when stamps stand still
-
 // ---- GPS
 
 mrpt::obs::gnss::nv_oem6_position_type::nv_position_type_t novatelType(int fix_quality) {
@@ -87,6 +85,13 @@ std::string nameOf(const std::string& kind) {
   return kind;
 }
 
+std::vector<std::string> labelsIn(const LogSummary& summary, const std::string& kind) {
+  std::vector<std::string> labels;
+  for (const auto& device : summary.devices)
+    if (device.kind == kind) labels.push_back(device.label);
+  return labels;
+}
+
 }  // namespace
 
 void LogOptions::describe(OptionList& keys) {
@@ -103,7 +108,7 @@ void LogOptions::describe(OptionList& keys) {
 LogSummary summarizeRawlog(const std::string& path) {
   RawlogObjects objects(path);
   LogSummary summary{
-      path, {}, {}, std::numeric_limits<double>::infinity(), -std::numeric_limits<double>::infinity()};
+      path, {}, {}, std::numeric_limits<double>::infinity(), -std::numeric_limits<double>::infinity(), {}};
   std::optional<GeodeticPoint> first_fix;
   DeviceTally tally;
   while (const auto observation = objects.next()) {
@@ -111,7 +116,10 @@ LogSummary summarizeRawlog(const std::string& path) {
       if (!summary.origin) summary.origin = headerIn(*comment).origin;
       continue;
     }
-    if (!first_fix) first_fix = positionIn(*observation);
+    if (const auto position = positionIn(*observation)) {
+      if (!first_fix) first_fix = position;
+      summary.fixes_earth_m.extend(toEarth(*position));
+    }
     const auto [label, kind] = deviceOf(*observation);
     const double stamp_s = fromMrptStamp(observation->timestamp);
     tally.add(label, kind, stamp_s);
@@ -156,15 +164,35 @@ void requireOneClock(const LogSummary& summary, const LogOptions& options) {
 }
 
 void requireDevice(const LogSummary& summary, const std::string& kind, const std::string& patterns) {
-  std::vector<std::string> labels;
-  for (const auto& device : summary.devices) {
-    if (device.kind != kind) continue;
-    if (matchesLabel(patterns, device.label)) return;
-    labels.push_back(device.label);
-  }
-  const std::string name = nameOf(kind);
-  throw InputError("rawlog " + summary.path + ": no " + name + " observation labelled " + patterns + " (" +
-                   name + " labels in it: " + listed(labels) + ")");
+  const auto labels = labelsIn(summary, kind);
+  if (std::any_of(labels.begin(), labels.end(),
+                  [&](const auto& label) { return matchesLabel(patterns, label); }))
+    return;
+  throw InputError("rawlog " + summary.path + ": no " + nameOf(kind) + " observation labelled " + patterns +
+                   " (" + nameOf(kind) + " labels in it: " + listed(labels) + ")");
+}
+
+void requireDevices(const LogSummary& summary, const LogOptions& options) {
+  requireDevice(summary, "lidar", options.lidar_labels);
+  if (options.gps_labels != "*") requireDevice(summary, "gps", options.gps_labels);
+  if (options.vehicle_labels != "*") requireDevice(summary, "vehicle", options.vehicle_labels);
+  if (options.imu_labels != "*" && !options.imu_labels.empty())
+    requireDevice(summary, "imu", options.imu_labels);
+}
+
+std::vector<std::string> missingDevices(const LogSummary& summary, const LogOptions& options) {
+  std::vector<std::string> missing;
+  const auto look = [&](const std::string& kind, const std::string& patterns) {
+    if (patterns == "*") return;
+    const auto labels = labelsIn(summary, kind);
+    for (const auto& pattern : unmatchedPatterns(patterns, labels))
+      missing.push_back(nameOf(kind) + " " + pattern + ": not in the log, which has " + listed(labels));
+  };
+  look("lidar", options.lidar_labels);
+  look("gps", options.gps_labels);
+  look("imu", options.imu_labels);
+  look("vehicle", options.vehicle_labels);
+  return missing;
 }
 
 // ---- Reading
@@ -174,29 +202,23 @@ LogReader::LogReader(const std::string& path, const LogOptions& options,
     : x_options(options),
       x_objects(std::make_unique<RawlogObjects>(path)),
       x_map_origin(map_origin),
-      x_newest_s(-std::numeric_limits<double>::infinity()),
-      x_last_out_s(-std::numeric_limits<double>::infinity()) {}
+      x_order(options.reorder_window_s) {}
 
 LogReader::~LogReader() = default;
 
 double LogReader::progress() const { return x_objects->progress(); }
 
-bool LogReader::mayLeave() const {
-  return !x_waiting.empty() && (x_newest_s - x_waiting.begin()->first > x_options.reorder_window_s ||
-                                x_waiting.size() > kMaxWaiting);
-}
-
 std::optional<Sample> LogReader::next() {
-  while (!x_at_end && !mayLeave()) {
-    if (const auto observation = x_objects->next())
+  for (;;) {
+    if (auto sample = x_order.next()) return sample;
+    if (x_at_end) return std::nullopt;
+    if (const auto observation = x_objects->next()) {
       take(*observation);
-    else
+    } else {
       x_at_end = true;
+      x_order.end();
+    }
   }
-  if (x_waiting.empty()) return std::nullopt;
-  auto first = x_waiting.extract(x_waiting.begin());
-  x_last_out_s = first.key();
-  return std::move(first.mapped());
 }
 
 void LogReader::take(const CObservation& observation) {
@@ -215,13 +237,10 @@ void LogReader::take(const CObservation& observation) {
     if (const auto last = x_steering.find(motion->label);
         last != x_steering.end() && last->second.stamp_s == motion->stamp_s)
       motion->steering_rad = last->second.steering_rad;
-  const double stamp_s = stampOf(*sample);
-  if (!isSound(observation, *sample) || stamp_s < x_last_out_s) {
-    ++x_dropped;
-    return;
-  }
-  x_newest_s = std::max(x_newest_s, stamp_s);
-  x_waiting.emplace(stamp_s, std::move(*sample));
+  if (isSound(observation, *sample))
+    x_order.add(std::move(*sample));
+  else
+    ++x_unsound;
 }
 
 bool LogReader::isWanted(const CObservation& observation) const {
@@ -235,11 +254,10 @@ bool LogReader::isWanted(const CObservation& observation) const {
 void LogReader::joinSteering(const CObservationRawDAQ& daq) {
   if (daq.AIN_double.size() != 2 || !matchesLabel(x_options.vehicle_labels, daq.sensorLabel)) return;
   const Steering steering{fromMrptStamp(daq.timestamp), daq.AIN_double[1]};
-  const auto [begin, end] = x_waiting.equal_range(steering.stamp_s);
-  for (auto waiting = begin; waiting != end; ++waiting)
-    if (auto* motion = std::get_if<MotionSample>(&waiting->second);
-        motion && motion->label == daq.sensorLabel)
+  x_order.forEachAt(steering.stamp_s, [&](Sample& sample) {
+    if (auto* motion = std::get_if<MotionSample>(&sample); motion && motion->label == daq.sensorLabel)
       motion->steering_rad = steering.steering_rad;
+  });
   x_steering[daq.sensorLabel] = steering;
 }
 

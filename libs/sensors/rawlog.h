@@ -24,6 +24,7 @@
 #include "core/samples.h"
 #include "sensors/device_tally.h"
 #include "sensors/log_header.h"
+#include "sensors/sample_order.h"
 
 namespace mrpt::io {
 class CFileGZOutputStream;
@@ -55,6 +56,7 @@ struct LogSummary {
   std::vector<DeviceSummary> devices;   ///< observations that no sample can be made of are of kind `other`
   std::optional<GeodeticPoint> origin;  ///< of the header, else of the first valid GGA
   double first_s, last_s;               ///< of the observations that have a stamp; infinities if none has
+  Eigen::AlignedBox3d fixes_earth_m;  ///< where all its GGA are, earth-centred and -fixed; empty without one
 };
 
 /** Reads the log once, without decoding points.
@@ -67,6 +69,12 @@ struct LogSummary {
  * match no label of this kind. */
 void requireDevice(const LogSummary& summary, const std::string& kind, const std::string& patterns);
 
+/** requireDevice() for the LiDARs, and for other kinds whose patterns are not `*`. An empty list wants no IMU. */
+void requireDevices(const LogSummary& summary, const LogOptions& options);
+
+/** Labels and patterns that match no device of their kind, in words; `*` alone asks for nothing. */
+[[nodiscard]] std::vector<std::string> missingDevices(const LogSummary& summary, const LogOptions& options);
+
 /** A device whose stamps all lie a minute or more before or after the LiDARs' has another clock (up-time since it was
  * switched on, say): none of its samples would meet a scan, or all scans would be late.
  * LiDARs on different clocks are not told apart.
@@ -75,9 +83,9 @@ void requireOneClock(const LogSummary& summary, const LogOptions& options);
 
 /** Streams the samples of a log in order of time; equal stamps keep the order of the file.
  *
- * Samples wait until one that is `reorder_window_s` younger has been read. One that comes later than that,
- * when a younger one has already gone out, is dropped and counted, and so is one without a stamp or with a
- * value that is not finite.
+ * Samples wait until one that is `reorder_window_s` younger has been read; see SampleOrder. One that comes later than
+ * that, when a younger one has already gone out, is dropped and counted, and so is one without a stamp or with a value
+ * that is not finite, and one whose stamp is far ahead of all others.
  *
  * The map frame is that of `map_origin` when given, else of the header's origin, else of the first GGA with a
  * fix (known only once next() has met it). INS poses are in the frame of the header's origin, and are skipped
@@ -99,13 +107,14 @@ class LogReader {
   [[nodiscard]] std::optional<Sample> next();
   [[nodiscard]] std::optional<GeodeticPoint> origin() const { return x_map_origin; }  ///< of the map frame
   [[nodiscard]] double progress() const;                                              ///< of the file, 0..1
-  [[nodiscard]] std::size_t droppedLate() const { return x_dropped; }
+  [[nodiscard]] std::size_t droppedLate() const { return x_unsound + x_order.droppedLate(); }
+  /** Samples whose stamps are ahead of all others', by label; see SampleOrder. */
+  [[nodiscard]] const std::map<std::string, std::size_t>& leftOut() const { return x_order.leftOut(); }
 
  private:
   struct Steering {
     double stamp_s, steering_rad;
   };
-  [[nodiscard]] bool mayLeave() const;
   void take(const mrpt::obs::CObservation& observation);
   void joinSteering(const mrpt::obs::CObservationRawDAQ& daq);
   [[nodiscard]] bool isWanted(const mrpt::obs::CObservation& observation) const;
@@ -114,10 +123,9 @@ class LogReader {
   std::unique_ptr<RawlogObjects> x_objects;
   bool x_at_end = false;
   std::optional<GeodeticPoint> x_map_origin, x_header_origin;
-  std::multimap<double, Sample> x_waiting;     ///< by stamp
+  SampleOrder x_order;
   std::map<std::string, Steering> x_steering;  ///< the last of each label
-  double x_newest_s, x_last_out_s;
-  std::size_t x_dropped = 0;
+  std::size_t x_unsound = 0;
 };
 
 /** Writes a rawlog that appears under its name with commit() only. */

@@ -57,6 +57,7 @@ void RawlogObjects::readAhead() {
   const auto total = static_cast<double>(std::max<std::uint64_t>(1, x_file->getTotalBytesCount()));
   auto archive = mrpt::serialization::archiveFrom(*x_file);
   try {
+    requireObject();
     for (;;) {
       const auto object = archive.ReadObject();
       ++x_objects;
@@ -70,6 +71,8 @@ void RawlogObjects::readAhead() {
     }
   } catch (const mrpt::serialization::CExceptionEOF&) {
     requireWhole();
+  } catch (const InputError&) {
+    throw;
   } catch (const std::bad_alloc&) {
     throw;
   } catch (const std::exception& e) {
@@ -77,6 +80,15 @@ void RawlogObjects::readAhead() {
                      std::to_string(x_objects) + " objects (" + messageOf(e) +
                      "); cut it there with rawlog-edit, or record it again");
   }
+}
+
+void RawlogObjects::requireObject() const {
+  constexpr std::uint8_t kObject =
+      0x80;  // what MRPT adds to the length of a class name, with which objects begin
+  if (const auto first = x_file->peek(); first && *first < kObject)
+    throw InputError(
+        "rawlog " + x_path +
+        ": not a rawlog (no object of MRPT at its start); raceloc-import makes one of other recordings");
 }
 
 double RawlogObjects::progress() const { return x_progress; }

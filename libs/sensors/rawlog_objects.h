@@ -39,6 +39,7 @@ class RawlogObjects {
  private:
   using Observation = std::shared_ptr<mrpt::obs::CObservation>;
   void readAhead();
+  void requireObject() const;
   void requireWhole() const;
 
   std::string x_path;

@@ -5,9 +5,9 @@
 #include <cmath>
 #include <cstdio>
 #include <ctime>
-#include <fstream>
 
 #include "core/errors.h"
+#include "core/text_file.h"
 
 namespace raceloc {
 
@@ -24,7 +24,7 @@ std::string_view trimmed(std::string_view text) {
 }  // namespace
 
 std::vector<std::string> readLines(const std::string& what, const std::string& path) {
-  std::ifstream in(path);
+  std::ifstream in = openText(path);
   std::vector<std::string> lines;
   for (std::string line; std::getline(in, line);) {
     if (!line.empty() && line.back() == '\r') line.pop_back();

@@ -260,10 +260,11 @@ void requireDevices(const std::vector<Fault>& faults, const std::string& ini_pat
     std::vector<std::string> labels;
     for (const auto& device : devices)
       if (wanted.empty() || device.kind == wanted) labels.push_back(device.label);
-    if (std::none_of(labels.begin(), labels.end(),
-                     [&](const auto& label) { return matchesLabel(fault.labels, label); }))
+    const auto unmatched = unmatchedPatterns(fault.labels, labels);
+    if (!unmatched.empty() || fault.labels.empty())
       throw InputError("faults " + ini_path + ", section [" + fault.section + "]: labels = " + fault.labels +
-                       ", but no " + shownName(wanted) + " is called so (" + shownName(wanted) +
+                       ", but no " + shownName(wanted) + " is called " +
+                       (unmatched.empty() ? "so" : listed(unmatched)) + " (" + shownName(wanted) +
                        " labels: " + listed(labels) + ")");
   }
 }

@@ -116,8 +116,8 @@ struct Fault {
 /** For the header of a log: every key with its value and meaning, readable again by readFaults(). */
 [[nodiscard]] std::string iniText(const std::vector<Fault>& faults);
 
-/** \throws InputError if a fault is for none of the `devices` that its kind can be for (`message_*` and
- * `stamp_jump`: all of them), naming file, section, the pattern and the labels to choose from. */
+/** \throws InputError if a fault has a label or pattern that fits none of the `devices` that its kind can be for
+ * (`message_*` and `stamp_jump`: all of them), naming file, section, the pattern and the labels to choose from. */
 void requireDevices(const std::vector<Fault>& faults, const std::string& ini_path,
                     const std::vector<DeviceName>& devices);
 

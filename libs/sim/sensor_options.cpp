@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <iterator>
-#include <sstream>
 
 #include "core/labels.h"
 
@@ -110,13 +109,9 @@ std::vector<DeviceName> CarFile::devices(const std::string& patterns) const {
   std::vector<std::string> labels;
   labels.reserve(all.size());
   for (const auto& device : all) labels.push_back(device.label);
-  std::string words = patterns;
-  std::replace(words.begin(), words.end(), ',', ' ');
-  std::istringstream stream(words);
-  for (std::string word; stream >> word;)
-    if (std::none_of(labels.begin(), labels.end(),
-                     [&](const auto& label) { return matchesLabel(word, label); }))
-      throw InputError("car " + path + ": no device labelled " + word + " (it has: " + listed(labels) + ")");
+  if (const auto unmatched = unmatchedPatterns(patterns, labels); !unmatched.empty())
+    throw InputError("car " + path + ": no device labelled " + unmatched.front() +
+                     " (it has: " + listed(labels) + ")");
   std::vector<DeviceName> chosen;
   std::copy_if(all.begin(), all.end(), std::back_inserter(chosen),
                [&](const auto& device) { return matchesLabel(patterns, device.label); });

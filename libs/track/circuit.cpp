@@ -4,11 +4,11 @@
 #include <cmath>
 #include <cstdio>
 #include <filesystem>
-#include <fstream>
 #include <numeric>
 #include <optional>
 
 #include "core/errors.h"
+#include "core/text_file.h"
 #include "track/csv_numbers.h"
 
 namespace raceloc {
@@ -260,7 +260,7 @@ std::vector<Segment> readSegments(IniFile& ini, const Segment& common) {
 
 /** Points of the CSV, the first one moved to the origin. */
 ClosedLine readCentreLine(const std::string& path) {
-  std::ifstream in(path);
+  std::ifstream in = openText(path);
   if (!in) throw InputError("track " + path + ": cannot be read; check the path");
   ClosedLine line;
   double length_m = 0;

@@ -2,11 +2,11 @@
 
 #include <algorithm>
 #include <cmath>
-#include <fstream>
 #include <limits>
 #include <sstream>
 
 #include "core/errors.h"
+#include "core/text_file.h"
 #include "track/csv_numbers.h"
 #include "track/planar_cells.h"
 
@@ -43,7 +43,7 @@ std::optional<Columns> namedColumns(std::string line) {
 
 std::vector<Eigen::Vector3d> readDrivenLine(const std::string& path) {
   const std::string file = "racing line " + path;
-  std::ifstream in(path);
+  std::ifstream in = openText(path);
   if (!in) throw InputError(file + ": cannot be read; check the path");
   std::vector<Eigen::Vector3d> line;
   Columns columns;

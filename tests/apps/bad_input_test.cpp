@@ -61,7 +61,7 @@ TEST_P(BadLogOrIni, LogIsEmpty) {
 
 TEST_P(BadLogOrIni, LogIsSomethingElse) {
   writeFile(in / "letter.rawlog", "Dear driver,\nthis is not a log.\n");
-  expectRefused(command(goodIni(), in / "letter.rawlog"), {in / "letter.rawlog"});
+  expectRefused(command(goodIni(), in / "letter.rawlog"), {in / "letter.rawlog: not a rawlog"});
 }
 
 TEST_P(BadLogOrIni, LogIsTruncated) {
@@ -116,10 +116,22 @@ TEST_P(BadLogOrIni, ImuHasAClockOfItsOwn) {
 TEST_P(BadLogOrIni, LabelIsNotInTheLog) {
   expectRefused(command(changedIni("^lidar_labels *=[^/#;\n]*", "lidar_labels = lidar_roof "), goodLog()),
                 {goodLog(), "lidar_roof"});
+  expectRefused(command(changedIni("^imu_labels *=[^/#;\n]*", "imu_labels = imu_roof "), goodLog()),
+                {goodLog(), "imu_roof", "IMU labels in it: "});
 }
 
 TEST_P(BadLogOrIni, IniIsMissing) {
   expectRefused(command(in / "nowhere.ini", goodLog()), {in / "nowhere.ini"});
+}
+
+TEST_P(BadLogOrIni, IniIsSomethingElse) {
+  writeFile(in / "letter.ini", "Dear driver,\nthis is no ini.\n");
+  expectRefused(command(in / "letter.ini", goodLog()), {in / "letter.ini:1: ", "Dear driver"});
+}
+
+TEST_P(BadLogOrIni, IniHasALineWithoutEquals) {
+  expectRefused(command(changedIni("^voxel_size_m *= *", "voxel_size_m "), goodLog()),
+                {in / "changed.ini:", "voxel_size_m 1"});
 }
 
 TEST_P(BadLogOrIni, KeyIsMisspelled) {
@@ -236,8 +248,8 @@ TEST_F(BadMap, HasADamagedTile) {
 
 TEST_F(BadMap, DisabledLabelIsNotInTheLog) {
   auto command = liveCommand(ini("live.ini"), kDrive.map(), kDrive.race(), out);
-  command.insert(command.end(), {"--disable", "gnss_*"});
-  expectRefused(command, {kDrive.race(), "gnss_*"});
+  command.insert(command.end(), {"--disable", "gps_* gnss_*"});
+  expectRefused(command, {kDrive.race(), "labelled gnss_*"});
 }
 
 // ---- recordings for raceloc-import

@@ -93,6 +93,22 @@ TEST_F(MapTools, ExportWritesWhatIsAskedForAlone) {
   EXPECT_THAT(result.out, HasSubstr("left out         " + (out / "x_gps_graph.tum")));
 }
 
+TEST_F(MapTools, ExportReplacesAFileOnlyWhenAsked) {
+  for (const std::string name : {"x.ply", "x.3Dscene", "x_gps_graph.tum", "x.origin.json"}) {
+    writeFile(out / name, "mine");
+    const auto result = runCommand(exporting({"--ply", "--3dscene", "--tum"}));
+    EXPECT_EQ(result.exit_code, 2);
+    EXPECT_THAT(result.err,
+                AllOf(HasSubstr("output " + (out / name) + ": is there already"), HasSubstr("--replace")));
+    EXPECT_THAT(out.names(), UnorderedElementsAre(name));
+    EXPECT_EQ(readFile(out / name), "mine");
+    std::filesystem::remove(out / name);
+  }
+  writeFile(out / "x.ply", "mine");
+  EXPECT_EQ(runCommand(exporting({"--ply", "--replace"})).exit_code, 0);
+  EXPECT_NE(readFile(out / "x.ply"), "mine");
+}
+
 TEST_F(MapTools, RefusesWhatItCannotDo) {
   for (const std::string command : {"info", "check", "export"}) {
     expectRefused({app("raceloc-map"), command}, {"no map given", "--help"});

@@ -268,6 +268,8 @@ TEST_F(BadSim, FaultIsUnknown) {
 TEST_F(BadSim, FaultIsForADeviceThatTheCarLacks) {
   expectRefusedFault("[fault_01]\nkind = gps_step\nlabels = gps_rear\n",
                      {"[fault_01]", "gps_rear", "gps_left"});
+  expectRefusedFault("[fault_01]\nkind = gps_step\nlabels = gps_left gps_rear\n",
+                     {"[fault_01]", "called gps_rear", "gps_right"});
 }
 TEST_F(BadSim, DeviceIsNotInTheCar) {
   expectRefused(simCommand(ini("sim/indy.ini"), out / "a.rawlog", {"--devices", "radar_*"}),

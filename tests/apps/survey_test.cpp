@@ -9,6 +9,7 @@
 #include <array>
 #include <cmath>
 #include <filesystem>
+#include <nlohmann/json.hpp>
 #include <regex>
 #include <utility>
 
@@ -237,12 +238,78 @@ TEST_F(Survey, AMapThatIsThereStays) {
     EXPECT_THAT(result.err, HasSubstr("--replace"));
   }
   EXPECT_EQ(readFile(out / "map.rlmap"), "a map");
+  std::filesystem::remove(out / "map.rlmap");
+  for (const std::string name : {"map.html", "map.json", "map.simplemap", "map.3Dscene"}) {
+    writeFile(out / name, "mine");
+    const auto result = runCommand(mapping({log("one_lap")}));
+    EXPECT_EQ(result.exit_code, 2);
+    EXPECT_THAT(result.err, HasSubstr(name + ": is there already"));
+    EXPECT_EQ(readFile(out / name), "mine");
+    std::filesystem::remove(out / name);
+  }
+}
+
+TEST_F(Survey, StoppedItSaysHowToGoOnAndMakesTheSameMap) {
+  require(runCommand(mapping({log("one_lap")})));
+  const std::string whole = readFile(out / "map.rlmap");
+  for (const int signal : {SIGINT, SIGTERM}) {
+    RunningCommand map(mapping({log("one_lap")}, {"--replace"}));
+    const int watch = inotify_init1(IN_CLOEXEC);
+    ASSERT_GE(watch, 0);
+    ASSERT_GE(inotify_add_watch(watch, (out / "").c_str(), IN_MODIFY), 0);
+    ASSERT_TRUE(waitFor(300, map, watch));
+    close(watch);
+    map.kill(signal);
+    const auto stopped = map.wait();
+    EXPECT_EQ(stopped.exit_code, 128 + signal);
+    EXPECT_THAT(stopped.err,
+                HasSubstr("raceloc-map: stopped; what is done is kept in " + (out / "map.rlmap.build")));
+    EXPECT_THAT(stopped.err, HasSubstr("--resume"));
+    EXPECT_EQ(std::count(stopped.err.begin(), stopped.err.end(), '\n'), 1) << stopped.err;
+    EXPECT_TRUE(readFile(out / "map.rlmap") == whole);
+  }
+  require(runCommand(mapping({log("one_lap")}, {"--resume"})));
+  EXPECT_TRUE(readFile(out / "map.rlmap") == whole);
+  EXPECT_FALSE(std::filesystem::exists(out / "map.rlmap.build"));
+}
+
+TEST_F(Survey, WhatIsWrongWithALogIsNamedAndInItsVerdict) {
+  writeFile(out / "faults.ini",
+            "[fault_01]\nkind = lidar_times_absent\nlabels = lidar_front\nfrom_s = 5\nto_s = 7\n"
+            "[fault_02]\nkind = stamp_jump\nlabels = gps_left\nfrom_s = 10\nto_s = 10.04\njump_s = 3600\n"
+            "[fault_03]\nkind = lidar_off\nlabels = lidar_front\nfrom_s = 15\nto_s = 15.5\n");
+  require(runCommand({app("raceloc-sim"), "inject", "--faults", out / "faults.ini", "-i", log("one_lap"),
+                      "-o", out / "faulty.rawlog"}));
+  std::string options = readFile(ini("map.ini"));
+  const std::string all = "\ngps_labels = *\n";
+  ASSERT_NE(options.find(all), std::string::npos);
+  writeFile(out / "map.ini",
+            options.replace(options.find(all), all.size(), "\ngps_labels = gps_* gnss_top\n"));
+  auto command = mapping({out / "faulty.rawlog"});
+  *std::find(command.begin(), command.end(), ini("map.ini")) = out / "map.ini";
+  const std::string said = require(runCommand(command)).out;
+  EXPECT_THAT(said, Not(HasSubstr("dropped ")));
+  const auto figures = nlohmann::json::parse(readFile(out / "map.json"));
+  const std::string verdict = figures.at("verdict"), page = readFile(out / "map.html");
+  const std::string faults = figures.at("sessions").at(0).at("faults").dump();
+  for (const std::string fault :
+       {"LiDAR lidar_front: no point times, scan taken as it is", "LiDAR lidar_front: silent",
+        "gps_left: stamp far ahead of all others', sample left out",
+        "GPS gnss_top: not in the log, which has gps_left, gps_right"}) {
+    EXPECT_THAT(said, HasSubstr("DEGRADED         " + fault));
+    EXPECT_THAT(verdict, HasSubstr(fault));
+    EXPECT_THAT(faults, HasSubstr(fault));
+    EXPECT_THAT(page, HasSubstr(fault.substr(0, fault.find('\''))));  // which HTML spells otherwise
+  }
+  EXPECT_THAT(verdict, HasSubstr("; scans used as they are: LiDAR lidar_front"));
+  EXPECT_LT(errors("one_lap").lateral_m.rmse, kLateral_m);
 }
 
 TEST_F(Survey, KilledAtAnyMomentItGoesOnAndMakesTheSameMap) {
   require(runCommand(mapping({log("one_lap")})));
   const std::string whole = readFile(out / "map.rlmap");
-  std::filesystem::remove(out / "map.rlmap");
+  for (const std::string name : {"rlmap", "html", "json", "simplemap", "3Dscene"})
+    std::filesystem::remove(out / "map." + name);
   for (const int events : {5, 300, 900}) {  // about: equal events that are not yet read become one
     const int watch = inotify_init1(IN_CLOEXEC);
     ASSERT_GE(watch, 0);

@@ -150,6 +150,25 @@ TEST(MapQaProperty, AGoodMapPassesAndItsStationsAreCounted) {
   EXPECT_NEAR(passes, driven_m / kSpacing_m, 1.5);  // the ends are rounded to stations
 }
 
+TEST(MapQa, WhatTheLogsLackedIsInTheVerdict) {
+  Random rnd(1);
+  GoodMap map(rnd);
+  SessionReport session{};
+  session.session = "a.rawlog";
+  map.report.sessions.push_back(session);
+  EXPECT_EQ(verdict(map.qa()), "PASS");
+  map.report.sessions[0].odometry.faults = {{"LiDAR top: no point times, " + std::string(kTakenAsItIs), 812},
+                                            {"LiDAR left: silent", 9}};
+  map.report.sessions[0].odometry.restarts = 2;
+  EXPECT_EQ(
+      verdict(map.qa()),
+      "PASS; scans used as they are: LiDAR top: no point times, scan taken as it is (812 times)"
+      "; degraded: LiDAR left: silent (9 times); LiDAR odometry lost for good and begun anew (2 times)");
+  EXPECT_TRUE(map.qa().passed());
+  map.report.sessions.push_back(session);
+  EXPECT_THAT(verdict(map.qa()), HasSubstr("; degraded: a.rawlog: LiDAR left: silent (9 times)"));
+}
+
 /** One thing made worse, and the words of the verdict that name it. */
 struct Spoilt {
   const char* words;

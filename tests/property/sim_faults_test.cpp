@@ -828,8 +828,9 @@ TEST(FaultIni, AFaultForNoDeviceIsAnErrorThatListsThem) {
   says(FaultKind::wheel_lock, "car", "(vehicle labels: vehicle)");
   says(FaultKind::message_late, "camera", "gps_right, imu, vehicle, lidar_front");
   says(FaultKind::imu_frozen, "", "(IMU labels: imu)");
+  says(FaultKind::lidar_off, "lidar_left gps_rear", "called gps_rear (LiDAR labels");  // each has to fit
   requireDevices(
-      {faultOf(FaultKind::message_late, "imu"), faultOf(FaultKind::lidar_off, "gps_rear lidar_left")},
+      {faultOf(FaultKind::message_late, "imu"), faultOf(FaultKind::lidar_off, "lidar_r* lidar_left")},
       "F.ini", kIndy);
   EXPECT_THROW(requireDevices({faultOf(FaultKind::gps_step)}, "F.ini", {{"imu", "imu"}}), InputError);
 }

@@ -54,7 +54,7 @@ class RunningCommand {
   }
 
   [[nodiscard]] pid_t pid() const { return x_pid; }
-  void kill() const { ::kill(x_pid, SIGKILL); }
+  void kill(int signal = SIGKILL) const { ::kill(x_pid, signal); }
   CommandResult wait() {
     int status = 0;
     waitpid(x_pid, &status, 0);

@@ -170,6 +170,32 @@ TEST(Options, ASectionThatIsThereTwiceIsRefused) {
   EXPECT_NO_THROW((void)loaded("share = 1\n// [sample]\n"));
 }
 
+TEST(Options, ALineThatIsNoIniIsRefusedByItsNumber) {
+  for (const std::string line : {"voxel_size_m 2", "share: 0.5", "= 3", "[sample", "\x01\x02"})
+    EXPECT_THAT(complaint([&] { (void)loaded("\n# a comment\nshare = 1\n" + line + "\n"); }),
+                HasSubstr("sample.ini:5: neither key = value nor [section]"))
+        << line;
+  const TemporaryFolder folder;
+  const auto opening = [&](const std::string& text) {
+    return complaint([&] { IniFile(written(folder, "a.ini", text)); });
+  };
+  EXPECT_THAT(opening("Dear driver,\nthis is no ini.\n"), HasSubstr("a.ini:1: neither"));
+  EXPECT_THAT(opening("\nshare = 1\n[sample]\n"), HasSubstr("a.ini:2: above the first [section]"));
+}
+
+TEST(Options, WhatMrptReadsIsRead) {
+  EXPECT_EQ(loaded("@define HALF 0.5\r\n\tshare = ${HALF}\r\n \r\n").share, 0.5);
+  EXPECT_EQ(loaded("label = one \\\ntwo\n").label, "one two");
+}
+
+TEST(Options, AByteOrderMarkIsPassedOver) {
+  const TemporaryFolder folder;
+  IniFile ini(written(folder, "a.ini", "\xEF\xBB\xBF[sample]\nshare = 0.25\n"));
+  SampleOptions options;
+  ini.load("sample", options);
+  EXPECT_EQ(options.share, 0.25);
+}
+
 TEST(Options, UnknownKeySuggestsTheNearest) {
   EXPECT_THAT(complaint([] { (void)loaded("voxel_size = 2\n"); }),
               AllOf(HasSubstr("sample.ini, section [sample]: unknown key voxel_size;"),
@@ -226,6 +252,16 @@ TEST(Options, NearestNameIsEmptyWhenNothingIsNear) {
   EXPECT_EQ(nearestName("REGISTRATION", {"map", "registration"}), "registration");
   EXPECT_EQ(nearestName("qqqqqq", {"map", "registration"}), "");
   EXPECT_EQ(nearestName("x", {}), "");
+}
+
+// ---- labels
+
+TEST(Labels, PatternsThatMatchNothingAreNamed) {
+  const std::vector<std::string> labels{"gps_left", "gps_right", "imu"};
+  EXPECT_THAT(unmatchedPatterns("gps_* imu", labels), ::testing::IsEmpty());
+  EXPECT_THAT(unmatchedPatterns("gps_left, gps_rear radar_?", labels), ElementsAre("gps_rear", "radar_?"));
+  EXPECT_THAT(unmatchedPatterns("*", {}), ElementsAre("*"));
+  EXPECT_THAT(unmatchedPatterns(" ", labels), ::testing::IsEmpty());
 }
 
 // ---- files

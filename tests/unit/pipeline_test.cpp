@@ -16,6 +16,7 @@
 
 #include "core/errors.h"
 #include "pipeline/map_exports.h"
+#include "pipeline/mapper.h"
 #include "sensors/mrpt_stamp.h"
 #include "sensors/pose_conversion.h"
 #include "support/some_map.h"
@@ -45,6 +46,27 @@ std::vector<ExportScan> someScans(test::Random& rnd) {
     scans.push_back(scan);
   }
   return scans;
+}
+
+TEST_F(MapExportsTest, LogsOfPlacesFarApartAreToldBeforeTheWork) {
+  const auto log = [&](const std::string& name, const GeodeticPoint& origin) {
+    LogWriter writer(path(name), {origin, ""});
+    writer.write(Scan{1e9, "lidar", Pose::Identity(), {{1}, {2}, {3}, {0.5F}}, {0.0F}, {}});
+    writer.write(GpsFix{1e9, "gps", {0, 0, 0}, Eigen::Matrix3d::Identity(), {0, 0, 0}, 4});
+    writer.commit();
+    return path(name);
+  };
+  const std::string lor = log("lor.rawlog", {39.813, -86.341, 250}),
+                    again = log("again.rawlog", {39.815, -86.341, 250}),
+                    ims = log("ims.rawlog", {39.795, -86.235, 220});
+  EXPECT_EQ(mapInput({lor, again}, "", {}).logs.size(), 2U);
+  EXPECT_THAT(
+      [&] {
+        (void)mapInput({lor, again, ims}, "", {});
+      },
+      ::testing::ThrowsMessage<InputError>(
+          ::testing::AllOf(::testing::HasSubstr("rawlog " + ims + ": of another place, 9"),
+                           ::testing::HasSubstr("map it alone"))));
 }
 
 TEST_F(MapExportsTest, SimplemapGivesMrptThePosesAndTheMap) {

@@ -418,6 +418,39 @@ TEST_F(SensorsTest, WrongLabelIsNamedWithTheOnesThere) {
             "rawlog " + path + ": no GPS observation labelled * (GPS labels in it: none)");
 }
 
+TEST_F(SensorsTest, EveryLabelThatIsNotThereIsNamed) {
+  Scan other = kScan;
+  other.label = "lidar_rear";
+  const std::string path = writeLog(in("x.rawlog"), {kScan, other, kMotion});
+  const auto summary = summarizeRawlog(path);
+  LogOptions options;
+  EXPECT_THAT(missingDevices(summary, options), IsEmpty());
+  requireDevices(summary, options);
+  options.lidar_labels = "lidar_r* lidar_roof, radar_*";
+  options.imu_labels = "";
+  EXPECT_THAT(missingDevices(summary, options),
+              ElementsAre("LiDAR lidar_roof: not in the log, which has lidar_rear, lidar_top",
+                          "LiDAR radar_*: not in the log, which has lidar_rear, lidar_top"));
+  requireDevices(summary, options);
+  options.imu_labels = "imu_*";
+  EXPECT_EQ(inputErrorOf([&] { requireDevices(summary, options); }),
+            "rawlog " + path + ": no IMU observation labelled imu_* (IMU labels in it: none)");
+}
+
+TEST_F(SensorsTest, TheFixesOfALogHaveABox) {
+  const GpsFix here{1, "gps", {0, 0, 0}, Eigen::Matrix3d::Identity(), {0, 0, 0}, 4};
+  GpsFix there = here;
+  there.p_map_antenna_m.x() = 300;
+  const auto box_m = [&](const std::vector<Sample>& samples) {
+    return summarizeRawlog(writeLog(in("x.rawlog"), samples)).fixes_earth_m;
+  };
+  EXPECT_TRUE(box_m({kMotion}).isEmpty());
+  const auto both_m = box_m({here, there});
+  EXPECT_NEAR(both_m.diagonal().norm(), 300, 1e-3);
+  EXPECT_NEAR(both_m.exteriorDistance(toEarth(fromMap({0, 0, 1000}, kOrigin))), 1000,
+              50);  // of the box, not the line
+}
+
 TEST_F(SensorsTest, SteeringIsJoinedWhereverItsMessageIs) {
   mrpt::obs::CObservationRawDAQ late;
   late.sensorLabel = "vehicle";
@@ -493,7 +526,7 @@ TEST_F(SensorsTest, MissingEmptyAndGarbageLogsAreErrors) {
   EXPECT_THAT(inputErrorOf([&] {
                 static_cast<void>(summarizeRawlog(write("text.rawlog", "this is no rawlog at all")));
               }),
-              HasSubstr("after 0 objects"));
+              HasSubstr("text.rawlog: not a rawlog (no object of MRPT at its start)"));
 }
 
 TEST_F(SensorsTest, UnknownClassesAreErrors) {
@@ -633,7 +666,7 @@ TEST_F(MessageReaderTest, SteeringIsJoinedToTheSpeedRightAfterIt) {
 TEST_F(MessageReaderTest, BadLogsAreErrors) {
   EXPECT_THAT(inputErrorOf([&] { MessageReader reader(in("none.rawlog")); }), HasSubstr("cannot be read"));
   EXPECT_THAT(inputErrorOf([&] { MessageReader reader(write("text.rawlog", "this is no rawlog at all")); }),
-              HasSubstr("after 0 objects"));
+              HasSubstr("not a rawlog"));
   const std::string path = writeLog(in("x.rawlog"), std::vector<Sample>(500, kScan));
   fs::resize_file(path, fs::file_size(path) / 2);
   EXPECT_THAT(inputErrorOf([&] { static_cast<void>(messagesOf(path)); }), HasSubstr("truncated"));
@@ -993,7 +1026,8 @@ class CsvTest : public SensorsTest {
 };
 
 TEST_F(CsvTest, ColumnsBecomeSamples) {
-  write("log.csv", "t,lat,lon,kmh,wheel\n1000,49,8.4,20,1\n1001,49,8.4,,1\n1002,49.00001,8.4,40,-1\n");
+  write("log.csv",
+        "\xEF\xBB\xBFt,lat,lon,kmh,wheel\n1000,49,8.4,20,1\n1001,49,8.4,,1\n1002,49.00001,8.4,40,-1\n");
   const auto summary = importLog(source, in("x.rawlog"), kQuiet);
   EXPECT_EQ(summary.origin->latitude_deg, 49);
   EXPECT_THAT(summary.notes, Contains(HasSubstr("1 rows of log.csv not used for vehicle")));

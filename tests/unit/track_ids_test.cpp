@@ -50,6 +50,7 @@ TEST_F(DrivenLineFile, TakesTheColumnsByName) {
 TEST_F(DrivenLineFile, WithoutNamesTheFirstTwoAreTheCoordinatesAndARepeatedStartIsDropped) {
   EXPECT_EQ(readDrivenLine(write(square)).size(), 8U);
   EXPECT_EQ(readDrivenLine(write(square + "0,0\n")).size(), 8U);
+  EXPECT_EQ(readDrivenLine(write("\xEF\xBB\xBF" + square)).size(), 8U);  // a byte-order mark
 }
 
 TEST_F(DrivenLineFile, SaysWhatIsWrongAndWhere) {

@@ -272,11 +272,11 @@ TEST_F(TrackTest, CentreLineOfACsv) {
   EXPECT_THAT(circuit.notes, ::testing::Contains(HasSubstr("flat")));
 }
 
-TEST_F(TrackTest, CsvMayRepeatItsFirstPointAndHaveBlankLines) {
+TEST_F(TrackTest, CsvMayRepeatItsFirstPointAndHaveBlankLinesAndAByteOrderMark) {
   const std::string text = ring(126, 100);
   const auto first = text.find('\n') + 1;
   const std::string again = text.substr(first, text.find('\n', first) - first);
-  const Circuit circuit = readCircuit(write("ring.csv", text + again + "\r\n\r\n\n"));
+  const Circuit circuit = readCircuit(write("ring.csv", "\xEF\xBB\xBF" + text + again + "\r\n\r\n\n"));
   EXPECT_NEAR(circuit.track.length_m(), 2 * M_PI * 100, 0.05);
 }
 
