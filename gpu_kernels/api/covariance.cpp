@@ -1,11 +1,14 @@
 #include "raceloc/gpu/covariance.h"
 
+#include <utility>
+
 #include "api/check.hpp"
 #include "core/backend.hpp"
 
 namespace raceloc::gpu {
 
-Covariances covariances(Context& context, const PointsView& points, const CovarianceOptions& options) {
+Covariances covariances(Context& context, const PointsView& points, const CovarianceOptions& options,
+                        Covariances into) {
   requireGood(options);
   requireCountable(points.size);
   for (std::size_t i = 0; i < points.size; ++i) {
@@ -13,8 +16,8 @@ Covariances covariances(Context& context, const PointsView& points, const Covari
       throw std::invalid_argument("covariances: point " + std::to_string(i) + " is not finite");
   }
   if (options.neighbourhood == Neighbourhood::nearest && context.backend() == Backend::cuda)
-    return makeCpuBackend(1)->covariances(points, options);
-  return context.implementation().covariances(points, options);
+    return makeCpuBackend(1)->covariances(points, options, std::move(into));
+  return context.implementation().covariances(points, options, std::move(into));
 }
 
 }  // namespace raceloc::gpu

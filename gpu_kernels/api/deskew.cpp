@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cfloat>
+#include <utility>
 
 #include "api/check.hpp"
 #include "api/deskew_job.hpp"
@@ -9,13 +10,13 @@
 
 namespace raceloc::gpu {
 
-std::vector<SweepStep> sweepSteps(const SweepView& sweep, bool timed) {
+std::vector<SweepStep> sweepSteps(const SweepView& sweep, bool timed, std::vector<SweepStep> into) {
   require(sweep.size >= 1, "number of transforms", sweep.size, ">= 1");
   require(sweep.duration_s >= 0 && std::isfinite(sweep.duration_s), "duration_s", sweep.duration_s,
           "finite and >= 0");
   const Affine* end = sweep.T_end_lidar + sweep.size;
   const Affine* first = timed && sweep.duration_s > 0 ? sweep.T_end_lidar : end - 1;
-  std::vector<SweepStep> steps;
+  into.clear();
   for (const Affine* T = first; T != end; ++T) {
     const Affine& next = T + 1 == end ? *T : T[1];
     SweepStep step{};
@@ -24,9 +25,9 @@ std::vector<SweepStep> sweepSteps(const SweepView& sweep, bool timed) {
       step.at[k] = (*T)[k];
       step.change[k] = next[k] - (*T)[k];
     }
-    steps.push_back(step);
+    into.push_back(step);
   }
-  return steps;
+  return into;
 }
 
 DeskewJob deskewJob(const PointsView& scan_lidar, const float* time_s, const SweepView& sweep,
@@ -50,9 +51,10 @@ DeskewJob deskewJob(const PointsView& scan_lidar, const float* time_s, const Swe
 }
 
 Deskewed deskew(Context& context, const PointsView& scan_lidar, const float* time_s, const SweepView& sweep,
-                const Crop& crop) {
-  const std::vector<SweepStep> steps = sweepSteps(sweep, time_s != nullptr);
-  return context.implementation().deskew(deskewJob(scan_lidar, time_s, sweep, steps, crop));
+                const Crop& crop, Deskewed into) {
+  BackendBase& backend = context.implementation();
+  backend.sweep_steps = sweepSteps(sweep, time_s != nullptr, std::move(backend.sweep_steps));
+  return backend.deskew(deskewJob(scan_lidar, time_s, sweep, backend.sweep_steps, crop), std::move(into));
 }
 
 }  // namespace raceloc::gpu

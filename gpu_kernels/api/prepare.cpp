@@ -11,19 +11,21 @@ namespace raceloc::gpu {
 
 PreparedScan prepare(Context& context, const PointsView& scan_lidar, const float* time_s,
                      const SweepView& sweep, const Crop& crop, float voxel_size_m,
-                     const CovarianceOptions& options, Deskewed* full) {
-  const std::vector<SweepStep> steps = sweepSteps(sweep, time_s != nullptr);
-  const DeskewJob job = deskewJob(scan_lidar, time_s, sweep, steps, crop);
+                     const CovarianceOptions& options, Deskewed* full, PreparedScan into) {
+  BackendBase& backend = context.implementation();
+  backend.sweep_steps = sweepSteps(sweep, time_s != nullptr, std::move(backend.sweep_steps));
+  const DeskewJob job = deskewJob(scan_lidar, time_s, sweep, backend.sweep_steps, crop);
   requirePositive("voxel_size_m", voxel_size_m);
   requireGood(options);
   if (options.neighbourhood == Neighbourhood::nearest) {  // on the CPU, whatever the context
-    Deskewed moved = context.implementation().deskew(job);
-    PreparedScan out{voxelGrid(context, moved.points.view(), voxel_size_m), {}};
-    out.covariances = covariances(context, out.points.view(), options);
+    Deskewed moved = backend.deskew(job, full == nullptr ? Deskewed{} : std::move(*full));
+    into.points = voxelGrid(context, moved.points.view(), voxel_size_m, nullptr, std::move(into.points));
+    into.covariances = covariances(context, into.points.view(), options, std::move(into.covariances));
+    into.on_device = 0;
     if (full != nullptr) *full = std::move(moved);
-    return out;
+    return into;
   }
-  return context.implementation().prepare(job, static_cast<double>(voxel_size_m), options, full);
+  return backend.prepare(job, static_cast<double>(voxel_size_m), options, full, std::move(into));
 }
 
 }  // namespace raceloc::gpu

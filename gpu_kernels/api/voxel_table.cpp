@@ -53,7 +53,7 @@ std::size_t VoxelTable::insert(const PointsView& points, const CovariancesView& 
   const Mat3<double> R{r[0], r[1], r[2], r[3], r[4], r[5], r[6], r[7], r[8]};
   const Vec3<double> t{T_map_points.t[0], T_map_points.t[1], T_map_points.t[2]};
   std::size_t dropped = 0;
-  std::vector<std::int32_t> touched;
+  x_touched.clear();
   ++x_insertions;
   for (std::size_t i = 0; i < points.size; ++i) {
     const Vec3<double> p = R * Vec3<double>{points.x[i], points.y[i], points.z[i]} + t;
@@ -72,10 +72,10 @@ std::size_t VoxelTable::insert(const PointsView& points, const CovariancesView& 
         sum.offset_m + Vec3<double>{p.x - centre(cell.x), p.y - centre(cell.y), p.z - centre(cell.z)};
     sum.covariance_m2 = sum.covariance_m2 + C;
     ++sum.count;
-    if (!touched_now) touched.push_back(record);
+    if (!touched_now) x_touched.push_back(record);
     sum.last_insertion = x_insertions;
   }
-  for (const std::int32_t i : touched) {
+  for (const std::int32_t i : x_touched) {
     Accumulator& sum = x_accumulators[static_cast<std::size_t>(i)];
     VoxelRecord& record = x_records[static_cast<std::size_t>(i)];
     const auto n = static_cast<double>(sum.count);

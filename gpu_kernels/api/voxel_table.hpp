@@ -52,6 +52,7 @@ class VoxelTable {
   std::vector<VoxelSlot> x_slots;
   std::vector<VoxelRecord> x_records;       ///< what a pass reads, in order of first insertion
   std::vector<Accumulator> x_accumulators;  ///< beside x_records
+  std::vector<std::int32_t> x_touched;      ///< by the newest insertion; memory kept from call to call
 };
 
 }  // namespace raceloc::gpu

@@ -4,6 +4,7 @@
 
 #include <memory>
 #include <string>
+#include <vector>
 
 #include "core/deskew.hpp"
 #include "core/factor.hpp"
@@ -47,11 +48,14 @@ class BackendBase {
   virtual ~BackendBase() = default;
   [[nodiscard]] virtual Backend kind() const = 0;
   [[nodiscard]] virtual std::string description() const = 0;  ///< device, for the log
-  virtual Deskewed deskew(const DeskewJob& job) = 0;
-  virtual Points voxelGrid(const PointsView& points, double voxel_size_m, std::size_t& dropped) = 0;
-  virtual Covariances covariances(const PointsView& points, const CovarianceOptions& options) = 0;
+  // What comes back is in the memory of `into`, as far as that goes.
+  virtual Deskewed deskew(const DeskewJob& job, Deskewed into = {}) = 0;
+  virtual Points voxelGrid(const PointsView& points, double voxel_size_m, std::size_t& dropped,
+                           Points into = {}) = 0;
+  virtual Covariances covariances(const PointsView& points, const CovarianceOptions& options,
+                                  Covariances into = {}) = 0;
   virtual PreparedScan prepare(const DeskewJob& job, double voxel_size_m, const CovarianceOptions& options,
-                               Deskewed* full) = 0;
+                               Deskewed* full, PreparedScan into = {}) = 0;
   virtual std::unique_ptr<MapMirror> mirror() = 0;  ///< null where the host's table serves
   /** Good until the next call: a backend has one runner, which works in its buffers. \param mirror of this
    * backend */
@@ -68,6 +72,8 @@ class BackendBase {
                                     const MatchOptions&) {
     throw std::logic_error("nearest-point passes run on the CPU");
   }
+
+  std::vector<SweepStep> sweep_steps;  ///< of the newest job, which refers to them; kept from call to call
 };
 
 /** \param threads >= 1; without TBB in the build it is 1 */

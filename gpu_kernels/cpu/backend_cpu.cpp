@@ -121,33 +121,34 @@ class CpuBackend : public BackendBase {
   }
   std::unique_ptr<MapMirror> mirror() override { return nullptr; }
 
-  Deskewed deskew(const DeskewJob& job) override {
+  Deskewed deskew(const DeskewJob& job, Deskewed into) override {
     moveScan(job);
-    return joinedScan();
+    joinScan(into);
+    return into;
   }
 
   PreparedScan prepare(const DeskewJob& job, double voxel_size_m, const CovarianceOptions& options,
-                       Deskewed* full) override {
+                       Deskewed* full, PreparedScan into) override {
     moveScan(job);
-    if (full != nullptr) *full = joinedScan();
+    if (full != nullptr) joinScan(*full);
     const std::size_t n = job.scan.size;
     for (std::size_t k = 0; k < x_of_piece.size(); ++k)  // without a voxel, behind each piece
       for (auto& axis : x_moved)
         std::fill(&axis[k * kPiece] + x_of_piece[k], &axis[k * kPiece] + std::min(kPiece, n - k * kPiece),
                   std::numeric_limits<float>::quiet_NaN());
     std::size_t dropped = 0;
-    PreparedScan out;
-    out.points =
-        voxelGrid({x_moved[0].data(), x_moved[1].data(), x_moved[2].data(), n}, voxel_size_m, dropped);
-    out.covariances = covariances(out.points.view(), options);
-    return out;
+    into.points = voxelGrid({x_moved[0].data(), x_moved[1].data(), x_moved[2].data(), n}, voxel_size_m,
+                            dropped, std::move(into.points));
+    into.covariances = covariances(into.points.view(), options, std::move(into.covariances));
+    into.on_device = 0;
+    return into;
   }
 
-  Points voxelGrid(const PointsView& points, double voxel_size_m, std::size_t& dropped) override {
+  Points voxelGrid(const PointsView& points, double voxel_size_m, std::size_t& dropped,
+                   Points into) override {
     const VoxelBox box = findVoxels(points, voxel_size_m);
     dropped = points.size - box.kept;
-    Points out;
-    if (box.kept == 0) return out;
+    if (box.kept == 0) return {};
     const KeyLayout layout = KeyLayout::of(box.low, box.high);
     const std::size_t kept = listStretches(points.size);
     // One bit more: what has no voxel comes last.
@@ -157,7 +158,7 @@ class CpuBackend : public BackendBase {
                                        : layout.key({x_voxels[0][i], x_voxels[1][i], x_voxels[2][i]});
     });
     const std::size_t voxels = x_first.size() - 1;
-    for (auto* v : {&out.x, &out.y, &out.z}) v->resize(voxels);
+    for (auto* v : {&into.x, &into.y, &into.z}) v->resize(voxels);
     x_workers.forPieces(voxels, kPiece, [&](std::size_t begin, std::size_t end, int) {
       for (std::size_t k = begin; k < end; ++k) {
         CentroidSum sum;
@@ -168,23 +169,23 @@ class CpuBackend : public BackendBase {
           n += last - first;
         }
         const Vec3<float> mean = sum.centroid(n);
-        out.x[k] = mean.x, out.y[k] = mean.y, out.z[k] = mean.z;
+        into.x[k] = mean.x, into.y[k] = mean.y, into.z[k] = mean.z;
       }
     });
-    return out;
+    return into;
   }
 
-  Covariances covariances(const PointsView& points, const CovarianceOptions& options) override {
-    Covariances out;
-    resize(out, points.size);
-    if (points.size == 0) return out;
+  Covariances covariances(const PointsView& points, const CovarianceOptions& options,
+                          Covariances into) override {
+    resize(into, points.size);
+    if (points.size == 0) return into;
     if (options.neighbourhood == Neighbourhood::nearest) {
       x_tree.build(points);
-      const NearestCovarianceJob job{points, x_tree.view(), options, outOf(out)};
+      const NearestCovarianceJob job{points, x_tree.view(), options, outOf(into)};
       x_workers.forPieces(points.size, kNearestPiece, [&](std::size_t first, std::size_t last, int) {
         x_loops.nearestCovariances(job, first, last);
       });
-      return out;
+      return into;
     }
     const NeighbourGrid grid = NeighbourGrid::over(points, options.radius_m);
     sortBy(grid.layout.bits, points.size, points.size,
@@ -205,12 +206,12 @@ class CpuBackend : public BackendBase {
                             x_first.data(),
                             x_runs.data(),
                             options,
-                            outOf(out)};
+                            outOf(into)};
     x_workers.forPieces(cells, kCellPiece, [&](std::size_t begin, std::size_t end, int worker) {
       x_loops.covariances(job, static_cast<std::uint32_t>(begin), static_cast<std::uint32_t>(end),
                           &x_scratch[3 * stride * static_cast<std::size_t>(worker)], stride);
     });
-    return out;
+    return into;
   }
 
   PassRunner& passes(const PointsView& source, const CovariancesView& covariances, const VoxelTable& table,
@@ -237,18 +238,18 @@ class CpuBackend : public BackendBase {
     });
   }
 
-  [[nodiscard]] Deskewed joinedScan() const {
+  void joinScan(Deskewed& into) const {
     const std::size_t kept = std::accumulate(x_of_piece.begin(), x_of_piece.end(), std::size_t{0});
-    const auto joined = [&](const auto& pieces) {
-      std::decay_t<decltype(pieces)> all;
-      all.reserve(kept);
-      for (std::size_t k = 0; k < x_of_piece.size(); ++k) {
-        const auto* from = pieces.data() + k * kPiece;
-        all.insert(all.end(), from, from + x_of_piece[k]);
-      }
-      return all;
+    const auto join = [&](const auto& pieces, auto& all) {
+      all.resize(kept);
+      auto to = all.begin();
+      for (std::size_t k = 0; k < x_of_piece.size(); ++k)
+        to = std::copy_n(pieces.data() + k * kPiece, x_of_piece[k], to);
     };
-    return {{joined(x_moved[0]), joined(x_moved[1]), joined(x_moved[2])}, joined(x_order)};
+    join(x_moved[0], into.points.x);
+    join(x_moved[1], into.points.y);
+    join(x_moved[2], into.points.z);
+    join(x_order, into.indices);
   }
 
   static CovariancesOut outOf(Covariances& C) {

@@ -79,13 +79,14 @@ class DeviceBackend : public BackendBase {
   [[nodiscard]] std::string description() const override { return x_machine.description(); }
   std::unique_ptr<MapMirror> mirror() override { return std::make_unique<DeviceMirror<Machine>>(x_machine); }
 
-  Deskewed deskew(const DeskewJob& job) override {
+  Deskewed deskew(const DeskewJob& job, Deskewed into = {}) override {
     if (job.scan.size == 0) return {};
     x_machine.select();
-    return compacted(moved(job));
+    return compacted(moved(job), std::move(into));
   }
 
-  Points voxelGrid(const PointsView& points, double voxel_size_m, std::size_t& dropped) override {
+  Points voxelGrid(const PointsView& points, double voxel_size_m, std::size_t& dropped,
+                   Points into = {}) override {
     x_machine.select();
     const PointsView p = upload(points);
     const VoxelBox box = boxOf(p, voxel_size_m);
@@ -94,21 +95,24 @@ class DeviceBackend : public BackendBase {
     const std::uint32_t n = thinned(p, voxel_size_m, KeyLayout::of(box.low, box.high));
     x_thinned.download(x_machine, kPointRows * n);
     x_machine.wait();
-    return pointsOf(x_thinned, n);
+    takePoints(x_thinned, n, into);
+    return into;
   }
 
-  Covariances covariances(const PointsView& points, const CovarianceOptions& options) override {
+  Covariances covariances(const PointsView& points, const CovarianceOptions& options,
+                          Covariances into = {}) override {
     if (points.size == 0) return {};
     x_machine.select();
     startCovariances(upload(points), NeighbourGrid::over(points, options.radius_m), options);
-    return covariancesOf(points.size);
+    takeCovariances(points.size, into);
+    return into;
   }
 
   PreparedScan prepare(const DeskewJob& job, double voxel_size_m, const CovarianceOptions& options,
-                       Deskewed* full) override {
+                       Deskewed* full, PreparedScan into = {}) override {
     x_machine.select();
     const PointsView scan = moved(job);
-    if (full != nullptr) *full = compacted(scan);
+    if (full != nullptr) *full = compacted(scan, std::move(*full));
     if (scan.size == 0) return {};
     Vec3<double> high_m = reach_m(job), low_m = -1.0 * high_m;
     std::optional<KeyLayout> layout = narrowLayout(low_m, high_m, voxel_size_m);
@@ -126,11 +130,10 @@ class DeviceBackend : public BackendBase {
     startCovariances(pointRows(x_thinned.data(), n).view(n),
                      NeighbourGrid::over(low_m, high_m, options.radius_m), options);
     x_machine.waitForMark();
-    PreparedScan out;
-    out.points = pointsOf(x_thinned, n);
-    out.covariances = covariancesOf(n);
-    out.on_device = x_prepared = nextPrepared();
-    return out;
+    takePoints(x_thinned, n, into.points);
+    takeCovariances(n, into.covariances);
+    into.on_device = x_prepared = nextPrepared();
+    return into;
   }
 
   PassRunner& passes(const PointsView& source, const CovariancesView& covariances, const VoxelTable& table,
@@ -235,7 +238,7 @@ class DeviceBackend : public BackendBase {
   }
 
   /** Of what moved() left behind. */
-  Deskewed compacted(const PointsView& scan) {
+  Deskewed compacted(const PointsView& scan, Deskewed into) {
     const auto n = static_cast<std::uint32_t>(scan.size);
     if (n == 0) return {};
     x_machine.numberFlags(x_sort, n);
@@ -249,7 +252,9 @@ class DeviceBackend : public BackendBase {
     x_sort.order.download(x_machine, kept);
     x_kept.download(x_machine, kPointRows * kept);
     x_machine.wait();
-    return {pointsOf(x_kept, kept), rowOf(x_sort.order.host(), kept)};
+    takePoints(x_kept, kept, into.points);
+    takeRow(x_sort.order.host(), kept, into.indices);
+    return into;
   }
 
   /** Keys of 32 bits, if they are wide enough for the voxels of a box. */
@@ -320,21 +325,22 @@ class DeviceBackend : public BackendBase {
   }
 
   /** What startCovariances() left behind. */
-  Covariances covariancesOf(std::size_t n) {
+  void takeCovariances(std::size_t n, Covariances& into) {
     x_machine.wait();
-    const float* C = x_covariances.host();
-    return {rowOf(C, n, 0),
-            rowOf(C, n, 1),
-            rowOf(C, n, 2),
-            rowOf(C, n, 3),
-            rowOf(C, n, 4),
-            rowOf(C, n, 5),
-            rowOf(x_neighbours.host(), n)};
+    const float* row = x_covariances.host();
+    for (auto* entries : {&into.xx, &into.xy, &into.xz, &into.yy, &into.yz, &into.zz}) {
+      takeRow(row, n, *entries);
+      row += n;
+    }
+    takeRow(x_neighbours.host(), n, into.neighbours);
   }
 
-  static Points pointsOf(const Array<float>& downloaded, std::size_t n) {
-    const float* p = downloaded.host();
-    return {rowOf(p, n, 0), rowOf(p, n, 1), rowOf(p, n, 2)};
+  static void takePoints(const Array<float>& downloaded, std::size_t n, Points& into) {
+    const float* row = downloaded.host();
+    for (auto* axis : {&into.x, &into.y, &into.z}) {
+      takeRow(row, n, *axis);
+      row += n;
+    }
   }
 
   VoxelBox boxOf(const PointsView& p, double voxel_size_m) {

@@ -27,10 +27,10 @@ inline CovariancesView covarianceRows(const float* rows, std::size_t n) {
   return {rows, rows + n, rows + 2 * n, rows + 3 * n, rows + 4 * n, rows + 5 * n, n};
 }
 
-/** Row `k` of an array. */
+/** Copies a row of an array. */
 template <class T>
-std::vector<T> rowOf(const T* rows, std::size_t n, std::size_t k = 0) {
-  return {rows + k * n, rows + (k + 1) * n};
+void takeRow(const T* row, std::size_t n, std::vector<T>& into) {
+  into.assign(row, row + n);
 }
 
 }  // namespace raceloc::gpu

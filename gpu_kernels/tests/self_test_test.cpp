@@ -22,24 +22,26 @@ class Faulty : public BackendBase {
 
   [[nodiscard]] Backend kind() const override { return Backend::cuda; }
   [[nodiscard]] std::string description() const override { return "faulty"; }
-  Deskewed deskew(const DeskewJob& job) override {
-    Deskewed out = x_cpu->deskew(job);
+  Deskewed deskew(const DeskewJob& job, Deskewed into) override {
+    Deskewed out = x_cpu->deskew(job, std::move(into));
     in_deskewed(out);
     return out;
   }
-  Points voxelGrid(const PointsView& points, double voxel_size_m, std::size_t& dropped) override {
-    Points out = x_cpu->voxelGrid(points, voxel_size_m, dropped);
+  Points voxelGrid(const PointsView& points, double voxel_size_m, std::size_t& dropped,
+                   Points into) override {
+    Points out = x_cpu->voxelGrid(points, voxel_size_m, dropped, std::move(into));
     in_grid(out);
     return out;
   }
-  Covariances covariances(const PointsView& points, const CovarianceOptions& options) override {
-    Covariances out = x_cpu->covariances(points, options);
+  Covariances covariances(const PointsView& points, const CovarianceOptions& options,
+                          Covariances into) override {
+    Covariances out = x_cpu->covariances(points, options, std::move(into));
     in_covariances(out);
     return out;
   }
   PreparedScan prepare(const DeskewJob& job, double voxel_size_m, const CovarianceOptions& options,
-                       Deskewed* full) override {
-    return x_cpu->prepare(job, voxel_size_m, options, full);
+                       Deskewed* full, PreparedScan into) override {
+    return x_cpu->prepare(job, voxel_size_m, options, full, std::move(into));
   }
   std::unique_ptr<MapMirror> mirror() override { return nullptr; }
   PassRunner& passes(const PointsView& source, const CovariancesView& covariances, const VoxelTable& table,

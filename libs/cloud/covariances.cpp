@@ -77,9 +77,10 @@ gpu::CovarianceOptions CovarianceOptions::forKernels() const {
   return o;
 }
 
-CovarianceCloud withCovariances(gpu::Context& context, Cloud cloud, const CovarianceOptions& options) {
-  auto covariances = gpu::covariances(context, viewOf(cloud), options.forKernels());
-  return {std::move(cloud), std::move(covariances)};
+CovarianceCloud withCovariances(gpu::Context& context, Cloud cloud, const CovarianceOptions& options,
+                                gpu::Covariances into) {
+  into = gpu::covariances(context, viewOf(cloud), options.forKernels(), std::move(into));
+  return {std::move(cloud), std::move(into)};
 }
 
 }  // namespace raceloc

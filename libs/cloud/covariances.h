@@ -41,8 +41,9 @@ struct CovarianceOptions {
 };
 
 /** \param cloud finite points. Source: reading.md section 4.
+ * \param into  what is no longer needed: its memory is used again
  * \throws std::invalid_argument as gpu::covariances(). */
 [[nodiscard]] CovarianceCloud withCovariances(gpu::Context& context, Cloud cloud,
-                                              const CovarianceOptions& options);
+                                              const CovarianceOptions& options, gpu::Covariances into = {});
 
 }  // namespace raceloc

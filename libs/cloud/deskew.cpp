@@ -4,7 +4,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <iterator>
 #include <limits>
 #include <string>
 #include <utility>
@@ -30,7 +29,7 @@ double endOfSweep(const Scan& scan) {
 }
 
 SweepPoses steadySweep(const Vector6d& twist, double sweep_s) {
-  SweepPoses poses(kSweepSteps + 1);
+  SweepPoses poses;
   for (std::size_t k = 0; k < poses.size(); ++k)
     poses[k] = se3Exp(twist * (sweep_s * static_cast<double>(k) / kSweepSteps));
   return poses;
@@ -39,12 +38,11 @@ SweepPoses steadySweep(const Vector6d& twist, double sweep_s) {
 namespace {
 
 /** What the kernel takes of one scan of a sweep. */
-struct ScanMotion {
-  std::vector<gpu::Affine> T_end_lidar;
-  std::vector<float> since_begin_s;  ///< of the sweep; empty where the scan's own times serve
-  float duration_s = 0;
-
-  ScanMotion(const Scan& scan, const Sweep& sweep, const SweepPoses& T_begin_at) {
+class ScanMotion {
+ public:
+  /** \param since_begin_s  the times since the sweep's begin, where the scan's own do not serve; must outlive this */
+  ScanMotion(const Scan& scan, const Sweep& sweep, const SweepPoses& T_begin_at,
+             std::vector<float>& since_begin_s) {
     const double sweep_s = sweep.end_s - sweep.begin_s;
     const auto begin_s = static_cast<float>(scan.stamp_s - sweep.begin_s);
     const Pose T_end_begin = sweep_s > 0 ? T_begin_at.back().inverse() : Pose::Identity();
@@ -55,22 +53,28 @@ struct ScanMotion {
       return rows;
     };
     if (!(sweep_s > 0)) {
-      T_end_lidar = {at(Pose::Identity())};
+      x_T_end_lidar[0] = at(Pose::Identity());
       return;
     }
-    std::transform(T_begin_at.begin(), T_begin_at.end(), std::back_inserter(T_end_lidar), at);
-    duration_s = static_cast<float>(sweep_s);
+    std::transform(T_begin_at.begin(), T_begin_at.end(), x_T_end_lidar.begin(), at);
+    x_view = {x_T_end_lidar.data(), x_T_end_lidar.size(), static_cast<float>(sweep_s)};
+    since_begin_s = scan.time_s;
     if (scan.time_s.empty())
       since_begin_s.assign(scan.cloud.size(), begin_s);
-    else if (begin_s > 0)
-      std::transform(scan.time_s.begin(), scan.time_s.end(), std::back_inserter(since_begin_s),
-                     [begin_s](float time_s) { return begin_s + time_s; });
+    else
+      for (float& time_s : since_begin_s) time_s += begin_s;
+    x_times_s = since_begin_s.data();
   }
-  [[nodiscard]] gpu::SweepView view() const { return {T_end_lidar.data(), T_end_lidar.size(), duration_s}; }
-  [[nodiscard]] const float* times(const Scan& scan) const {
-    if (duration_s == 0) return nullptr;
-    return since_begin_s.empty() ? scan.time_s.data() : since_begin_s.data();
-  }
+  ScanMotion(const ScanMotion&) = delete;  // the view is of itself
+  ScanMotion& operator=(const ScanMotion&) = delete;
+
+  [[nodiscard]] const gpu::SweepView& view() const { return x_view; }
+  [[nodiscard]] const float* times_s() const { return x_times_s; }
+
+ private:
+  std::array<gpu::Affine, kSweepSteps + 1> x_T_end_lidar;
+  gpu::SweepView x_view{x_T_end_lidar.data(), 1, 0};
+  const float* x_times_s = nullptr;
 };
 
 bool hasIntensity(const Scan& scan) { return scan.cloud.empty() || !scan.cloud.intensity.empty(); }
@@ -85,6 +89,19 @@ void append(const gpu::Deskewed& kept, const Scan& scan, bool with_intensity, Cl
   extend(out.z, kept.points.z);
   if (!with_intensity) return;
   for (const std::uint32_t i : kept.indices) out.intensity.push_back(scan.cloud.intensity[i]);
+}
+
+/** What deskew() does, in memory that is kept. */
+void deskewInto(Cloud& out, gpu::Context& context, const Sweep& sweep, const SweepPoses& T_begin_at,
+                const CropOptions& crop, DeskewBuffers& buffers) {
+  out.clear();
+  const bool with_intensity = std::all_of(sweep.scans.begin(), sweep.scans.end(), hasIntensity);
+  for (const Scan& scan : sweep.scans) {
+    const ScanMotion motion(scan, sweep, T_begin_at, buffers.since_begin_s);
+    buffers.kept = gpu::deskew(context, viewOf(scan.cloud), motion.times_s(), motion.view(),
+                               crop.forKernels(), std::move(buffers.kept));
+    append(buffers.kept, scan, with_intensity, out);
+  }
 }
 
 }  // namespace
@@ -102,33 +119,29 @@ Sweep sweepOf(std::vector<Scan> scans) {
 DeskewedScan deskew(gpu::Context& context, const Sweep& sweep, const SweepPoses& T_begin_at,
                     const CropOptions& crop) {
   DeskewedScan out{sweep.end_s, {}};
-  const bool with_intensity = std::all_of(sweep.scans.begin(), sweep.scans.end(), hasIntensity);
-  for (const Scan& scan : sweep.scans) {
-    const ScanMotion motion(scan, sweep, T_begin_at);
-    append(gpu::deskew(context, viewOf(scan.cloud), motion.times(scan), motion.view(), crop.forKernels()),
-           scan, with_intensity, out.cloud);
-  }
+  DeskewBuffers buffers;
+  deskewInto(out.cloud, context, sweep, T_begin_at, crop, buffers);
   return out;
 }
 
-CovarianceCloud prepare(gpu::Context& context, const Sweep& sweep, const SweepPoses& T_begin_at,
-                        const CropOptions& crop, double voxel_size_m, const CovarianceOptions& covariance,
-                        Cloud* full) {
+CovarianceCloud SweepPreparer::prepare(const Sweep& sweep, const SweepPoses& T_begin_at, Cloud* full,
+                                       CovarianceCloud into) {
   if (sweep.scans.size() != 1) {
-    Cloud cloud = deskew(context, sweep, T_begin_at, crop).cloud;
-    CovarianceCloud prepared = withCovariances(context, voxelGrid(context, cloud, voxel_size_m), covariance);
-    if (full != nullptr) *full = std::move(cloud);
-    return prepared;
+    Cloud& merged = full == nullptr ? x_merged : *full;
+    deskewInto(merged, x_context, sweep, T_begin_at, x_crop, x_buffers);
+    return withCovariances(x_context, voxelGrid(x_context, merged, x_voxel_size_m, std::move(into.cloud)),
+                           x_covariance, std::move(into.covariances));
   }
   const Scan& scan = sweep.scans.front();
-  const ScanMotion motion(scan, sweep, T_begin_at);
-  gpu::Deskewed kept;
-  auto prepared = gpu::prepare(context, viewOf(scan.cloud), motion.times(scan), motion.view(),
-                               crop.forKernels(), static_cast<float>(voxel_size_m), covariance.forKernels(),
-                               full == nullptr ? nullptr : &kept);
+  const ScanMotion motion(scan, sweep, T_begin_at, x_buffers.since_begin_s);
+  auto prepared = gpu::prepare(x_context, viewOf(scan.cloud), motion.times_s(), motion.view(),
+                               x_crop.forKernels(), static_cast<float>(x_voxel_size_m),
+                               x_covariance.forKernels(), full == nullptr ? nullptr : &x_buffers.kept,
+                               {{std::move(into.cloud.x), std::move(into.cloud.y), std::move(into.cloud.z)},
+                                std::move(into.covariances)});
   if (full != nullptr) {
-    *full = {};
-    append(kept, scan, !scan.cloud.intensity.empty(), *full);
+    full->clear();
+    append(x_buffers.kept, scan, !scan.cloud.intensity.empty(), *full);
   }
   return {{std::move(prepared.points.x), std::move(prepared.points.y), std::move(prepared.points.z), {}},
           std::move(prepared.covariances)};

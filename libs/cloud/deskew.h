@@ -2,6 +2,7 @@
  * A sweep takes 0.1 s: at 70 m/s its first point is measured 7 m away from its last. */
 #pragma once
 
+#include <array>
 #include <vector>
 
 #include "cloud/covariances.h"
@@ -39,7 +40,7 @@ inline constexpr int kSweepSteps = 32;
 
 /** Poses of the body at equal steps over a sweep, in the frame that it has at the begin: kSweepSteps + 1, the first
  * is the identity. */
-using SweepPoses = std::vector<Pose>;
+using SweepPoses = std::array<Pose, kSweepSteps + 1>;
 
 /** Of a body that keeps its twist (rotation [rad/s], translation [m/s], in its own axes). */
 [[nodiscard]] SweepPoses steadySweep(const Vector6d& twist, double sweep_s);
@@ -52,11 +53,33 @@ using SweepPoses = std::vector<Pose>;
 [[nodiscard]] DeskewedScan deskew(gpu::Context& context, const Sweep& sweep, const SweepPoses& T_begin_at,
                                   const CropOptions& crop);
 
-/** A sweep made ready for a match: de-skewed, cropped, one point a voxel, with covariances; body frame at its end.
- * The scan of one LiDAR stays on the device from step to step. \param full  may be null; else it takes what deskew()
- * gives */
-[[nodiscard]] CovarianceCloud prepare(gpu::Context& context, const Sweep& sweep, const SweepPoses& T_begin_at,
-                                      const CropOptions& crop, double voxel_size_m,
-                                      const CovarianceOptions& covariance, Cloud* full = nullptr);
+/** What de-skewing works in; memory kept from sweep to sweep. */
+struct DeskewBuffers {
+  std::vector<float> since_begin_s;
+  gpu::Deskewed kept;
+};
+
+/** Makes the sweeps of a drive ready for a match: de-skewed, cropped, one point a voxel, with covariances; body frame
+ * at their end. The scan of one LiDAR stays on the device from step to step. Allocates nothing once it has seen the
+ * largest sweep, if it is given the memory of what it made before. */
+class SweepPreparer {
+ public:
+  SweepPreparer(gpu::Context& context, const CropOptions& crop, double voxel_size_m,
+                const CovarianceOptions& covariance)
+      : x_context(context), x_crop(crop), x_voxel_size_m(voxel_size_m), x_covariance(covariance) {}
+
+  /** \param full  may be null; else it takes what deskew() gives
+   * \param into  what is no longer needed: its memory is used again, as that of `full` */
+  [[nodiscard]] CovarianceCloud prepare(const Sweep& sweep, const SweepPoses& T_begin_at,
+                                        Cloud* full = nullptr, CovarianceCloud into = {});
+
+ private:
+  gpu::Context& x_context;
+  CropOptions x_crop;
+  double x_voxel_size_m;
+  CovarianceOptions x_covariance;
+  DeskewBuffers x_buffers;
+  Cloud x_merged;  ///< of several LiDARs, where nobody takes it
+};
 
 }  // namespace raceloc

@@ -90,10 +90,11 @@ PointTimesVerdict checkPointTimes(const Scan& scan, std::optional<double> period
     return {PointTimes::not_seconds, "point times are not all numbers"};
   const auto [first, last] = std::minmax_element(times_s.begin(), times_s.end());
   const float sweep_s = *last - *first;
-  const std::string range = text("point times run from %.4g to %.4g s", *first, *last);
-  if (*first < -kRounding_s || *last > kLongest_s) return {PointTimes::not_seconds, range};
+  if (*first < -kRounding_s || *last > kLongest_s)
+    return {PointTimes::not_seconds, text("point times run from %.4g to %.4g s", *first, *last)};
   if (sweep_s > kLongestSweep_s || (period_s && sweep_s > kLongestPeriods * *period_s))
-    return {PointTimes::too_long, range + ", longer than a sweep"};
+    return {PointTimes::too_long,
+            text("point times run from %.4g to %.4g s, longer than a sweep", *first, *last)};
   if (times_s.size() <= kManyPoints) return {PointTimes::good, ""};
   if (sweep_s <= kEqual_s) return {PointTimes::all_equal, text("point times are all %.4g s", *first)};
   const Order order = orderOf(scan, sweep_s);

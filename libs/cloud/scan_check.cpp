@@ -1,9 +1,9 @@
 #include "cloud/scan_check.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <limits>
-#include <vector>
 
 namespace raceloc {
 
@@ -32,7 +32,7 @@ std::optional<bool> showsGround(const Scan& scan) {
     float highest_m = -std::numeric_limits<float>::infinity();
     int count = 0;
   };
-  std::vector<Cell> cells(static_cast<std::size_t>(kSide * kSide));
+  std::array<Cell, static_cast<std::size_t>(kSide * kSide)> cells;
   const Eigen::Isometry3f T_body_lidar = scan.T_body_lidar.cast<float>();
   for (std::size_t i = 0; i < scan.cloud.size(); ++i) {
     const Eigen::Vector3f p_lidar_m = scan.cloud.point(i);

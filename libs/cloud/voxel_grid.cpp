@@ -8,8 +8,9 @@
 
 namespace raceloc {
 
-Cloud voxelGrid(gpu::Context& context, const Cloud& cloud, double voxel_size_m) {
-  auto points = gpu::voxelGrid(context, viewOf(cloud), static_cast<float>(voxel_size_m));
+Cloud voxelGrid(gpu::Context& context, const Cloud& cloud, double voxel_size_m, Cloud into) {
+  auto points = gpu::voxelGrid(context, viewOf(cloud), static_cast<float>(voxel_size_m), nullptr,
+                               {std::move(into.x), std::move(into.y), std::move(into.z)});
   return {std::move(points.x), std::move(points.y), std::move(points.z), {}};
 }
 

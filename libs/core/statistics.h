@@ -6,13 +6,17 @@
 
 namespace raceloc {
 
-/** The value that `share` (0..1) of the values do not exceed; 0 for no values. Takes the values to sort them.
- */
+/** The value that `share` (0..1) of [first, last) do not exceed; 0 for no values. Puts them in another order. */
+[[nodiscard]] inline double quantile(double* first, double* last, double share) {
+  if (first == last) return 0;
+  double* const kth = first + static_cast<std::ptrdiff_t>(share * static_cast<double>(last - first - 1));
+  std::nth_element(first, kth, last);
+  return *kth;
+}
+
+/** The same of values that are taken to be put in another order. */
 [[nodiscard]] inline double quantile(std::vector<double> values, double share) {
-  if (values.empty()) return 0;
-  const auto k = static_cast<std::ptrdiff_t>(share * static_cast<double>(values.size() - 1));
-  std::nth_element(values.begin(), values.begin() + k, values.end());
-  return values[static_cast<std::size_t>(k)];
+  return quantile(values.data(), values.data() + values.size(), share);
 }
 
 }  // namespace raceloc

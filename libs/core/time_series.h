@@ -3,12 +3,14 @@
 #pragma once
 
 #include <algorithm>
-#include <deque>
+#include <cstddef>
 #include <optional>
+#include <vector>
 
 namespace raceloc {
 
-/** Bounded by its memory. `Value` has +, - and a product with a double from the left. */
+/** Bounded by its memory, and allocates nothing once that has been full twice. `Value` has +, - and a product with a
+ * double from the left. */
 template <class Value>
 class TimeSeries {
  public:
@@ -23,23 +25,44 @@ class TimeSeries {
 
   /** \return false, and nothing changes, for a sample that is not newer than the last. */
   bool add(double stamp_s, const Value& value) {
-    if (!x_samples.empty() && stamp_s <= x_samples.back().stamp_s) return false;
+    if (!samples().empty() && stamp_s <= x_samples.back().stamp_s) return false;
     x_samples.push_back({stamp_s, value});
-    while (x_samples.back().stamp_s - x_samples.front().stamp_s > x_memory_s) x_samples.pop_front();
+    while (stamp_s - x_samples[x_forgotten].stamp_s > x_memory_s) ++x_forgotten;
+    if (2 * x_forgotten > x_samples.size()) {
+      x_samples.erase(x_samples.begin(), x_samples.begin() + static_cast<std::ptrdiff_t>(x_forgotten));
+      x_forgotten = 0;
+    }
     return true;
   }
 
   void dropSince(double stamp_s) {
-    while (!x_samples.empty() && x_samples.back().stamp_s >= stamp_s) x_samples.pop_back();
+    while (!samples().empty() && x_samples.back().stamp_s >= stamp_s) x_samples.pop_back();
   }
 
-  [[nodiscard]] const std::deque<Sample>& samples() const { return x_samples; }
+  /** What is remembered, in order of time; good until the next change. */
+  class Samples {
+   public:
+    Samples(const Sample* first, const Sample* last) : x_first(first), x_last(last) {}
+    [[nodiscard]] const Sample* begin() const { return x_first; }
+    [[nodiscard]] const Sample* end() const { return x_last; }
+    [[nodiscard]] bool empty() const { return x_first == x_last; }
+    [[nodiscard]] std::size_t size() const { return static_cast<std::size_t>(x_last - x_first); }
+    [[nodiscard]] const Sample& front() const { return *x_first; }
+    [[nodiscard]] const Sample& back() const { return *(x_last - 1); }
+
+   private:
+    const Sample *x_first, *x_last;
+  };
+  [[nodiscard]] Samples samples() const {
+    return {x_samples.data() + x_forgotten, x_samples.data() + x_samples.size()};
+  }
 
   /** Linear between samples, held outside of them; none farther than max_gap_s from all. */
   [[nodiscard]] std::optional<Value> at(double stamp_s) const {
-    const auto next = std::lower_bound(x_samples.begin(), x_samples.end(), stamp_s,
-                                       [](const Sample& s, double t) { return s.stamp_s < t; });
-    const bool after = next != x_samples.end(), before = next != x_samples.begin();
+    const Samples all = samples();
+    const Sample* next = std::lower_bound(all.begin(), all.end(), stamp_s,
+                                          [](const Sample& s, double t) { return s.stamp_s < t; });
+    const bool after = next != all.end(), before = next != all.begin();
     const double after_s = after ? next->stamp_s - stamp_s : x_max_gap_s + 1;
     const double before_s = before ? stamp_s - std::prev(next)->stamp_s : x_max_gap_s + 1;
     if (std::min(after_s, before_s) > x_max_gap_s) return std::nullopt;
@@ -51,20 +74,22 @@ class TimeSeries {
 
   /** Time between the samples around a stamp, or between the last two; 0 with less than two. */
   [[nodiscard]] double spacing_s(double stamp_s) const {
-    if (x_samples.size() < 2) return 0;
-    auto next = std::lower_bound(x_samples.begin() + 1, x_samples.end() - 1, stamp_s,
-                                 [](const Sample& s, double t) { return s.stamp_s < t; });
+    const Samples all = samples();
+    if (all.size() < 2) return 0;
+    const Sample* next = std::lower_bound(all.begin() + 1, all.end() - 1, stamp_s,
+                                          [](const Sample& s, double t) { return s.stamp_s < t; });
     return next->stamp_s - std::prev(next)->stamp_s;
   }
 
   /** How long the value at a stamp after the last sample has been held; 0 before. */
   [[nodiscard]] double held_s(double stamp_s) const {
-    return x_samples.empty() ? 0 : std::max(0.0, stamp_s - x_samples.back().stamp_s);
+    return samples().empty() ? 0 : std::max(0.0, stamp_s - x_samples.back().stamp_s);
   }
 
  private:
   double x_memory_s, x_max_gap_s;
-  std::deque<Sample> x_samples;
+  std::vector<Sample> x_samples;
+  std::size_t x_forgotten = 0;  ///< of the front; they are removed many at a time
 };
 
 }  // namespace raceloc

@@ -10,6 +10,10 @@ void Cloud::reserve(std::size_t n) {
   z.reserve(n);
 }
 
+void Cloud::clear() {
+  for (auto* values : {&x, &y, &z, &intensity}) values->clear();
+}
+
 void Cloud::push(const Eigen::Vector3f& p_m) {
   x.push_back(p_m.x());
   y.push_back(p_m.y());

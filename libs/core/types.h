@@ -36,6 +36,7 @@ struct Cloud {
   [[nodiscard]] Eigen::Vector3f point(std::size_t i) const { return {x[i], y[i], z[i]}; }
 
   void reserve(std::size_t n);
+  void clear();                                            ///< its memory is kept
   void push(const Eigen::Vector3f& p_m);                   ///< for clouds without intensity
   void push(const Eigen::Vector3f& p_m, float intensity);  ///< for clouds with it
 };

@@ -23,9 +23,8 @@ LivOdometry::LivOdometry(gpu::Context& context, const OdometryOptions& options, 
                          const LevelOptions& level)
     : x_context(context),
       x_options(options),
-      x_crop(crop),
-      x_covariance(covariance),
       x_gicp(gicp),
+      x_preparer(context, crop, options.scan_voxel_m, covariance),
       x_levelling(level),
       x_local_map(context, gicp.voxel_size_m) {}
 
@@ -70,17 +69,24 @@ Fused fused(const Pose& predicted, const Matrix6d& P, const Registration& match)
 
 }  // namespace
 
-OdometryStep LivOdometry::add(const Sweep& sweep, MotionHistory& history) {
-  OdometryStep step{};
+OdometryStep& LivOdometry::add(const Sweep& sweep, MotionHistory& history) {
+  if (x_last_stamp_s && sweep.end_s <= *x_last_stamp_s)
+    throw std::invalid_argument("LivOdometry: scans must come in order of time");
+  CovarianceCloud scan;  // in the memory of the step before
+  Cloud full_scan;
+  if (x_step) {
+    scan = std::move(x_step->scan);
+    full_scan = std::move(x_step->full_scan);
+  }
+  OdometryStep& step = x_step.emplace();
   const auto poses = history.sweep(sweep.begin_s, sweep.end_s);
   step.by_wheels = poses && history.hasWheels(sweep.end_s);
   step.stamp_s = sweep.end_s;
-  if (x_last_stamp_s && step.stamp_s <= *x_last_stamp_s)
-    throw std::invalid_argument("LivOdometry: scans must come in order of time");
 
-  step.scan = prepare(x_context, sweep,
-                      poses ? *poses : steadySweep(velocityOf(x_last_motion), sweep.end_s - sweep.begin_s),
-                      x_crop, x_options.scan_voxel_m, x_covariance, &step.full_scan);
+  step.scan = x_preparer.prepare(
+      sweep, poses ? *poses : steadySweep(velocityOf(x_last_motion), sweep.end_s - sweep.begin_s), &full_scan,
+      std::move(scan));
+  step.full_scan = std::move(full_scan);
   step.match.T_target_source = Pose::Identity();
   step.trusted = !step.scan.cloud.empty();
   if (x_last_stamp_s) {

@@ -47,9 +47,11 @@ class LivOdometry {
               const CovarianceOptions& covariance, const GicpOptions& gicp, const LevelOptions& level = {});
 
   /** The next sweep, which ends later than the one before. `history` must reach to its end to be of use; without it
-   * the motion between the last two sweeps goes on. What is matched calibrates it. \throws std::invalid_argument if
-   * the end is not later than the last one's. */
-  OdometryStep add(const Sweep& sweep, MotionHistory& history);
+   * the motion between the last two sweeps goes on. What is matched calibrates it.
+   * \return good until the next call, which uses its memory again: so nothing is allocated once the largest sweep was
+   *         seen and the local map is full; its clouds may be moved away
+   * \throws std::invalid_argument if the end is not later than the last one's. */
+  OdometryStep& add(const Sweep& sweep, MotionHistory& history);
 
  private:
   /** The scan in the local map, from a guess. */
@@ -58,9 +60,8 @@ class LivOdometry {
 
   gpu::Context& x_context;
   OdometryOptions x_options;
-  CropOptions x_crop;
-  CovarianceOptions x_covariance;
   GicpOptions x_gicp;
+  SweepPreparer x_preparer;
   Levelling x_levelling;
   gpu::VoxelMap x_local_map;
   std::optional<double> x_last_stamp_s;
@@ -69,6 +70,7 @@ class LivOdometry {
   std::optional<Eigen::Vector3d> x_last_key_m;  ///< where a scan last went into the local map
   bool x_ever_matched = false;
   int x_lost_in_a_row = 0;
+  std::optional<OdometryStep> x_step;  ///< the newest
 };
 
 }  // namespace raceloc

@@ -139,8 +139,8 @@ std::optional<double> MotionHistory::meanForce(double from_s, double to_s) const
   if (!begin || !end) return std::nullopt;
   double sum = 0;
   int count = 0;
-  for (auto it = x_force_mps2.samples().rbegin(); it != x_force_mps2.samples().rend() && it->stamp_s > from_s;
-       ++it)
+  const auto samples = x_force_mps2.samples();
+  for (auto it = samples.end(); it != samples.begin() && (--it)->stamp_s > from_s;)
     if (it->stamp_s <= to_s) sum += it->value.x(), ++count;
   return count > 0 ? sum / count : 0.5 * (begin->x() + end->x());
 }
@@ -313,12 +313,14 @@ std::optional<MotionHistory::Impulse> MotionHistory::impulse(double from_s, doub
 }
 
 std::optional<SweepPoses> MotionHistory::sweep(double begin_s, double end_s) const {
-  SweepPoses poses{Pose::Identity()};
+  SweepPoses poses;
+  poses.front().setIdentity();
   const double step_s = (end_s - begin_s) / kSweepSteps;
   for (int k = 0; k < kSweepSteps; ++k) {
     const auto step = preintegrated(begin_s + k * step_s, begin_s + (k + 1) * step_s);
     if (!step) return std::nullopt;
-    poses.push_back(poses.back() * step->T_start_end);
+    const auto begin = static_cast<std::size_t>(k);
+    poses[begin + 1] = poses[begin] * step->T_start_end;
   }
   return poses;
 }

@@ -4,26 +4,15 @@
 
 namespace raceloc {
 
-std::vector<OdometryStep> OdometryStream::add(Sample sample) {
+void OdometryStream::hear(Sample sample) {
   x_now_s = stampOf(sample);
   if (auto* scan = std::get_if<Scan>(&sample)) x_queue.push(std::move(*scan));
   if (const auto* imu = std::get_if<ImuSample>(&sample)) x_history.add(*imu);
   if (const auto* motion = std::get_if<MotionSample>(&sample)) x_history.add(*motion);
-  std::vector<OdometryStep> steps;
-  while (const auto sweep = x_queue.pop(x_history, x_now_s)) process(*sweep, steps);
-  return steps;
 }
 
-std::vector<OdometryStep> OdometryStream::finish() {
-  std::vector<OdometryStep> steps;
-  while (const auto sweep = x_queue.popAny()) process(*sweep, steps);
-  constexpr double kTail_s = 1;  // logs go on a little after their last scan
-  tellFaults(x_now_s - kTail_s);
-  return steps;
-}
-
-void OdometryStream::process(const Sweep& sweep, std::vector<OdometryStep>& steps) {
-  const OdometryStep& step = steps.emplace_back(x_odometry.add(sweep, x_history));
+OdometryStep& OdometryStream::step(const Sweep& sweep) {
+  OdometryStep& step = x_odometry.add(sweep, x_history);
   ++x_tally.scans;
   x_tally.trusted += step.trusted ? 1 : 0;
   x_tally.by_wheels += step.by_wheels ? 1 : 0;
@@ -31,6 +20,7 @@ void OdometryStream::process(const Sweep& sweep, std::vector<OdometryStep>& step
   x_tally.length_m += step.since_last.T_start_end.translation().norm();
   for (const std::string& fault : x_history.faults()) ++x_tally.faults[fault];
   tellFaults(sweep.end_s);
+  return step;
 }
 
 void OdometryStream::tellFaults(double now_s) {

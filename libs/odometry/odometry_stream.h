@@ -3,7 +3,6 @@
 #pragma once
 
 #include <utility>
-#include <vector>
 
 #include "core/samples.h"
 #include "odometry/liv_odometry.h"
@@ -26,15 +25,27 @@ class OdometryStream {
   OdometryStream(MotionHistory history, LivOdometry odometry, ScanQueue queue = ScanQueue())
       : x_history(std::move(history)), x_odometry(std::move(odometry)), x_queue(std::move(queue)) {}
 
-  /** In order of time; fixes and INS poses are not for this. */
-  [[nodiscard]] std::vector<OdometryStep> add(Sample sample);
-  [[nodiscard]] std::vector<OdometryStep> finish();  ///< what still waits, at the end of the stream
+  /** Calls `take(OdometryStep&)` for each step whose motion is known with this sample. Samples come in order of time;
+   * fixes and INS poses are not for this. A step is as LivOdometry::add() gives it, until `take` returns. */
+  template <class Take>
+  void add(Sample sample, const Take& take) {
+    hear(std::move(sample));
+    while (const Sweep* sweep = x_queue.pop(x_history, x_now_s)) take(step(*sweep));
+  }
+  /** The same for what still waits, at the end of the stream. */
+  template <class Take>
+  void finish(const Take& take) {
+    while (const Sweep* sweep = x_queue.popAny()) take(step(*sweep));
+    constexpr double kTail_s = 1;  // logs go on a little after their last scan
+    tellFaults(x_now_s - kTail_s);
+  }
 
   [[nodiscard]] const MotionHistory& history() const { return x_history; }
   [[nodiscard]] const OdometryTally& tally() const { return x_tally; }
 
  private:
-  void process(const Sweep& sweep, std::vector<OdometryStep>& steps);
+  void hear(Sample sample);
+  OdometryStep& step(const Sweep& sweep);
   void tellFaults(double now_s);
 
   MotionHistory x_history;

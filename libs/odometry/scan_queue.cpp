@@ -1,6 +1,7 @@
 #include "odometry/scan_queue.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <limits>
 #include <utility>
@@ -23,7 +24,10 @@ constexpr double kOldest_s = 0.3;    // a late scan that ended so long ago goes 
 }  // namespace
 
 double ScanQueue::Lidar::period_s() const {
-  return gaps_s.empty() ? kUsualPeriod_s : quantile({gaps_s.begin(), gaps_s.end()}, 0.5);
+  if (gaps_s.empty()) return kUsualPeriod_s;
+  std::array<double, kGaps> sorted_s;
+  double* const last = std::copy(gaps_s.begin(), gaps_s.end(), sorted_s.data());
+  return quantile(sorted_s.data(), last, 0.5);
 }
 
 double ScanQueue::Lidar::silentAfter_s() const {
@@ -46,8 +50,8 @@ void ScanQueue::push(Scan scan) {
     if (!is_new) {
       const double gap_s = stamp_s - lidar.stamp_s;
       if (!lidar.silence_told && gap_s > lidar.silentAfter_s()) note(scan.label, "silent");
+      if (lidar.gaps_s.size() == kGaps) lidar.gaps_s.erase(lidar.gaps_s.begin());
       lidar.gaps_s.push_back(gap_s);
-      if (lidar.gaps_s.size() > kGaps) lidar.gaps_s.pop_front();
     }
     lidar.stamp_s = stamp_s;
     lidar.end_s = end_s;
@@ -96,17 +100,18 @@ void ScanQueue::checkTimes(Scan& scan, Lidar& lidar) {
   note(scan.label, told.first->second);
 }
 
-std::vector<ScanQueue::Member> ScanQueue::nextMembers(double now_s) const {
-  std::vector<Member> members;
+void ScanQueue::listMembers(double now_s) {
+  auto& members = x_members;
+  members.clear();
   double cycle_s = std::numeric_limits<double>::infinity();
   for (const auto& [label, lidar] : x_lidars) {
     const auto first = std::find_if(x_waiting.begin(), x_waiting.end(),
                                     [&, &name = label](const Waiting& w) { return w.scan.label == name; });
     const double period_s = lidar.period_s(), due_s = lidar.end_s + period_s;
     if (first != x_waiting.end())
-      members.push_back({first->end_s, label, true});
+      members.push_back({first->end_s, true});
     else if (lidar.in_time && now_s <= due_s + std::min(kAwaitedPeriods * period_s, kPatience_s))
-      members.push_back({due_s, label, false});
+      members.push_back({due_s, false});
     else
       continue;
     cycle_s = std::min(cycle_s, period_s);
@@ -130,28 +135,29 @@ std::vector<ScanQueue::Member> ScanQueue::nextMembers(double now_s) const {
     count = i;
   }
   members.erase(members.begin() + static_cast<std::ptrdiff_t>(count), members.end());
-  return members;
 }
 
-std::optional<Sweep> ScanQueue::pop(const MotionHistory& history, double now_s) {
-  if (x_waiting.empty()) return std::nullopt;
-  const std::vector<Member> members = nextMembers(now_s);
-  if (!std::all_of(members.begin(), members.end(), [](const Member& m) { return m.here; }))
-    return std::nullopt;
-  const double end_s = members.back().end_s;
+const Sweep* ScanQueue::pop(const MotionHistory& history, double now_s) {
+  if (x_waiting.empty()) return nullptr;
+  listMembers(now_s);
+  if (!std::all_of(x_members.begin(), x_members.end(), [](const Member& m) { return m.here; }))
+    return nullptr;
+  const double end_s = x_members.back().end_s;
   const auto known_s = history.knownUntil_s();
-  if ((known_s && *known_s >= end_s) || now_s > end_s + kPatience_s) return leave(members);
-  return std::nullopt;
+  if ((known_s && *known_s >= end_s) || now_s > end_s + kPatience_s) return leave();
+  return nullptr;
 }
 
-std::optional<Sweep> ScanQueue::popAny() {
-  if (x_waiting.empty()) return std::nullopt;
-  return leave(nextMembers(std::numeric_limits<double>::infinity()));
+const Sweep* ScanQueue::popAny() {
+  if (x_waiting.empty()) return nullptr;
+  listMembers(std::numeric_limits<double>::infinity());
+  return leave();
 }
 
-Sweep ScanQueue::leave(const std::vector<Member>& members) {
-  const double end_s = members.back().end_s;
-  std::vector<Scan> scans;
+const Sweep* ScanQueue::leave() {
+  const double end_s = x_members.back().end_s;
+  std::vector<Scan> scans = std::move(x_sweep.scans);  // for its memory
+  scans.clear();
   for (auto it = x_waiting.begin(); it != x_waiting.end() && it->end_s <= end_s;) {
     const std::string label = it->scan.label;
     const bool taken =
@@ -175,7 +181,8 @@ Sweep ScanQueue::leave(const std::vector<Member>& members) {
   }
   x_late.clear();
   x_last_end_s = end_s;
-  return sweepOf(std::move(scans));
+  x_sweep = sweepOf(std::move(scans));
+  return &x_sweep;
 }
 
 void ScanQueue::note(const std::string& label, const std::string& what) {

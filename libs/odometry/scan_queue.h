@@ -3,7 +3,6 @@
  * sweeps of several LiDARs are matched as one. */
 #pragma once
 
-#include <deque>
 #include <map>
 #include <optional>
 #include <string>
@@ -25,7 +24,8 @@ constexpr char kTakenAsItIs[] = "scan taken as it is";
 
 /** Holds scans until the motion of their sweep is known, or until it is late, and puts those together that end close
  * together, at most one of each LiDAR. Bounded: it never holds more than a few sweeps, because a scan leaves at the
- * latest 0.3 s after its end, or after the end at which a companion of its turn was due.
+ * latest 0.3 s after its end, or after the end at which a companion of its turn was due. Its own memory is kept from
+ * sweep to sweep: only what is new (a LiDAR, a fault) allocates.
  *
  * Which belong together: LiDARs end their sweeps in turn, again and again; a sweep of all begins after the longest
  * pause in that turn. Two LiDARs that end less than half a period apart are one sweep whichever is first, and three
@@ -44,11 +44,12 @@ class ScanQueue {
   void push(Scan scan);
 
   /** The next sweep whose motion is known, or which ended more than 0.3 s before `now_s` (the newest
-   * stamp of the stream); none if it has to wait. Call until it gives none. Ends of sweeps increase. */
-  std::optional<Sweep> pop(const MotionHistory& history, double now_s);
+   * stamp of the stream); null if it has to wait. Call until it gives none. Ends of sweeps increase. A sweep is good
+   * until the next one leaves. */
+  const Sweep* pop(const MotionHistory& history, double now_s);
 
   /** At the end of the stream: the next sweep, whatever is known. */
-  std::optional<Sweep> popAny();
+  const Sweep* popAny();
 
   [[nodiscard]] bool empty() const { return x_waiting.empty(); }
 
@@ -62,7 +63,7 @@ class ScanQueue {
   };
   struct Lidar {
     double stamp_s = 0, end_s = 0;           ///< of its newest scan
-    std::deque<double> gaps_s;               ///< between its last scans
+    std::vector<double> gaps_s;              ///< between its last scans
     double sweep_s = 0;                      ///< of its newest scan with good point times
     bool ascending = true;                   ///< how the times of its points go along the cloud ...
     int same_order = 0;                      ///< ... and for how many scans it has been so
@@ -77,20 +78,22 @@ class ScanQueue {
   /** One of the next sweep: waiting, or still awaited. */
   struct Member {
     double end_s;
-    std::string label;
     bool here;
   };
-  [[nodiscard]] std::vector<Member> nextMembers(double now_s) const;
+  /** Into x_members, by end; at least one. */
+  void listMembers(double now_s);
   /** Takes away point times that cannot be believed. */
   void checkTimes(Scan& scan, Lidar& lidar);
   void checkContent(const Scan& scan, Lidar& lidar);
-  Sweep leave(const std::vector<Member>& members);
+  const Sweep* leave();  ///< of x_members
   void note(const std::string& label, const std::string& what);
 
   std::vector<std::string> x_expected;
-  std::deque<Waiting> x_waiting;       ///< by end of sweep, all later than x_last_end_s
+  std::vector<Waiting> x_waiting;      ///< by end of sweep, all later than x_last_end_s
   std::map<std::string, Scan> x_late;  ///< whose companions have left: for the next sweep
   std::map<std::string, Lidar> x_lidars;
+  std::vector<Member> x_members;
+  Sweep x_sweep{};                                ///< that left last
   std::optional<double> x_first_s, x_last_end_s;  ///< of the first scan; of the last sweep that left
   FaultCounts x_noted;
 };

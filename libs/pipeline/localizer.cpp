@@ -61,19 +61,21 @@ Localizer::Localizer(gpu::Context& context, const MapFile& map, const LocalizerO
     : x_history(options.matching.motion, options.matching.calibration),
       x_context(context),
       x_queue(labelsNamed(options.matching.log.lidar_labels)),
+      x_preparer(context, options.matching.crop, options.matching.odometry.scan_voxel_m,
+                 options.matching.covariance),
       x_options(options),
       x_window(context, map, options.matching.registration.voxel_size_m, options.policy.map_radius_m) {}
 
 std::vector<LocalizerOutput> Localizer::add(const Sample& sample) {
   std::vector<LocalizerOutput> outputs;
   std::visit([&](const auto& s) { take(s, outputs); }, sample);
-  while (const auto sweep = x_queue.pop(x_history, stampOf(sample))) process(*sweep, outputs);
+  while (const Sweep* sweep = x_queue.pop(x_history, stampOf(sample))) process(*sweep, outputs);
   return outputs;
 }
 
 std::vector<LocalizerOutput> Localizer::finish() {
   std::vector<LocalizerOutput> outputs;
-  while (const auto sweep = x_queue.popAny()) process(*sweep, outputs);
+  while (const Sweep* sweep = x_queue.popAny()) process(*sweep, outputs);
   return outputs;
 }
 
@@ -248,9 +250,7 @@ CovarianceCloud Localizer::prepared(const Sweep& sweep) {
   Vector6d last = Vector6d::Zero();
   last(2) = x_last_rates.yaw_rate_rps;
   last(3) = x_last_rates.speed_mps;
-  const MatchingOptions& o = x_options.matching;
-  return prepare(x_context, sweep, poses ? *poses : steadySweep(last, sweep.end_s - sweep.begin_s), o.crop,
-                 o.odometry.scan_voxel_m, o.covariance);
+  return x_preparer.prepare(sweep, poses ? *poses : steadySweep(last, sweep.end_s - sweep.begin_s));
 }
 
 LocalizerOutput Localizer::matchSweep(const Sweep& sweep) {

@@ -154,6 +154,7 @@ class Localizer {
   std::map<std::string, Receiver> x_receivers;
   std::optional<StartReport> x_start;
   ScanQueue x_queue;
+  SweepPreparer x_preparer;
   LocalizerOptions x_options;
   TileWindow x_window;
   bool x_by_wheels = true;

@@ -203,11 +203,9 @@ OdometryReport replayOdometry(const std::string& log_path, const ReplayOptions& 
   OdometryStream stream = odometryStream(context, matching);
   LogReader reader(log_path, matching.log);
   OdometryReport report{};
-  const auto hand = [&](const std::vector<OdometryStep>& steps) {
-    for (const OdometryStep& step : steps) {
-      report.trajectory.poses.push_back({step.stamp_s, step.T_odom_body});
-      report.level = step.level;
-    }
+  const auto take = [&](const OdometryStep& step) {
+    report.trajectory.poses.push_back({step.stamp_s, step.T_odom_body});
+    report.level = step.level;
   };
   while (auto sample = reader.next()) {
     progress(reader.progress());
@@ -215,9 +213,9 @@ OdometryReport replayOdometry(const std::string& log_path, const ReplayOptions& 
         matchesLabel(options.live.disable_labels, labelOf(*sample)))
       continue;
     watch.at(stampOf(*sample));
-    hand(stream.add(std::move(*sample)));
+    stream.add(std::move(*sample), take);
   }
-  hand(stream.finish());
+  stream.finish(take);
   if (report.level) turnLevel(report.trajectory, *report.level);
   const MotionCalibration& calibration = stream.history().calibration();
   report.device_reason = context.reason();

@@ -155,10 +155,10 @@ class Surveyor {
     if (const auto* pose = std::get_if<InsPose>(&sample)) x_receivers[pose->label].poses.push_back(*pose);
     if (const auto* scan = std::get_if<Scan>(&sample))
       x_places_m[scan->label] = scan->T_body_lidar.translation();
-    for (OdometryStep& step : x_stream.add(std::move(sample))) take(std::move(step));
+    x_stream.add(std::move(sample), [this](OdometryStep& step) { take(step); });
   }
   void finish() {
-    for (OdometryStep& step : x_stream.finish()) take(std::move(step));
+    x_stream.finish([this](OdometryStep& step) { take(step); });
     x_keeper.finish();
     const double max_gap_s = x_options.map.gps_max_gap_s;
     for (auto& k : keyframes)
@@ -183,7 +183,7 @@ class Surveyor {
   std::vector<double> residuals_m, inlier_shares;
 
  private:
-  void take(OdometryStep&& step) {
+  void take(OdometryStep& step) {
     if (step.trusted && !odometry.poses.empty()) {  // the first one has nothing to match
       residuals_m.push_back(step.match.residual_m);
       inlier_shares.push_back(step.match.inlier_share);

@@ -36,6 +36,11 @@ void readCloud(const mrpt::maps::CPointsMap& map, Scan& scan) {
   const auto& y = map.getPointsBufferRef_y();
   const auto& z = map.getPointsBufferRef_z();
   scan.cloud.reserve(x.size());
+  if (coloured != nullptr) {
+    scan.cloud.intensity.reserve(x.size());
+    scan.ring.reserve(x.size());
+    scan.time_s.reserve(x.size());
+  }
   for (std::size_t i = 0; i < x.size(); ++i) {
     if (!isFinite(x[i], y[i], z[i])) continue;
     scan.cloud.push({x[i], y[i], z[i]});

@@ -53,11 +53,11 @@ void run(const std::string& ini, const std::string& log) {
     if (const auto* imu = std::get_if<ImuSample>(&*sample)) history.add(*imu);
     if (const auto* motion = std::get_if<MotionSample>(&*sample)) history.add(*motion);
     if (auto* scan = std::get_if<Scan>(&*sample)) queue.push(std::move(*scan));
-    while (const auto sweep = queue.pop(history, now_s)) {
+    while (const Sweep* sweep = queue.pop(history, now_s)) {
       const auto predicted = last_s ? history.between(*last_s, sweep->end_s) : std::nullopt;
       last_s = sweep->end_s;
       const double begin_ms = cpu_ms();
-      const OdometryStep step = odometry.add(*sweep, history);
+      const OdometryStep& step = odometry.add(*sweep, history);
       ours.ms.push_back(cpu_ms() - begin_ms);
       ours.T_odom_body = step.T_odom_body;
       length_m += step.since_last.T_start_end.translation().norm();

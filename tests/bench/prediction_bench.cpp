@@ -52,7 +52,7 @@ void run(const std::string& ini, const std::string& log, const std::string& trut
     }
   };
   while (auto sample = reader.next()) {
-    for (const OdometryStep& step : stream.add(std::move(*sample))) {
+    stream.add(std::move(*sample), [&](const OdometryStep& step) {
       ++scans;
       trusted += step.trusted ? 1 : 0;
       judge(step.stamp_s);
@@ -61,7 +61,7 @@ void run(const std::string& ini, const std::string& log, const std::string& trut
         level_deg.push_back(
             std::acos(std::min(1.0, step.level->up_body.dot(T_true->linear().row(2).transpose()))) / kDegree);
       begun.push_back({step.stamp_s, history.calibration().mean()});
-    }
+    });
   }
   std::cout << scans << " scans, " << trusted << " trusted\n\n"
             << "| seconds | predictions | translation [m]: median | p95 | of the distance [%]: p95 | "

@@ -119,7 +119,7 @@ TEST(PrepareProperty, IsDeskewedThinnedAndWithCovariances) {
     const SweepPoses poses = steadySweep(motion, sweep.end_s - sweep.begin_s);
     const CropOptions crop{2, 60, 4, 1, 1};
     Cloud full;
-    const CovarianceCloud prepared = prepare(cpu(), sweep, poses, crop, 5, {}, &full);
+    const CovarianceCloud prepared = SweepPreparer(cpu(), crop, 5, {}).prepare(sweep, poses, &full);
     const Cloud alone = deskew(cpu(), sweep, poses, crop).cloud;
     const CovarianceCloud by_steps = withCovariances(cpu(), voxelGrid(cpu(), alone, 5), {});
     EXPECT_EQ(full.x, alone.x);

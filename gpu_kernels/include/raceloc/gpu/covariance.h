@@ -45,9 +45,10 @@ struct CovarianceOptions {
 /** For every point i over its neighbours j within the radius: mu = sum w p / sum w, C = sum w (p-mu)(p-mu)' /
  * sum w, then regularised. Neighbours come from a cell list, built once. A neighbourhood that is one point,
  * or for `plane` has no normal (the two smallest eigenvalues closer than 1e-3 of the largest), gets the
- * isotropic covariance as well. \throws std::invalid_argument for a point that is not finite (drop them with
- * voxelGrid first) or an option out of range. */
+ * isotropic covariance as well. \param into  what is no longer needed: its memory is used again
+ * \throws std::invalid_argument for a point that is not finite (drop them with voxelGrid first) or an option out of
+ * range. */
 [[nodiscard]] Covariances covariances(Context& context, const PointsView& points,
-                                      const CovarianceOptions& options);
+                                      const CovarianceOptions& options, Covariances into = {});
 
 }  // namespace raceloc::gpu

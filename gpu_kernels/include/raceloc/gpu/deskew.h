@@ -43,8 +43,9 @@ struct Deskewed {
  * all points are taken as of the end. Dropped is what `crop` says, and any point of which a coordinate or the time is
  * not finite. The same bits on every device.
  * \param time_s  of each point since the begin of the sweep; null if they are not known
+ * \param into    what is no longer needed: its memory is used again
  * \throws std::invalid_argument if a transform is not finite or an argument out of range */
 [[nodiscard]] Deskewed deskew(Context& context, const PointsView& scan_lidar, const float* time_s,
-                              const SweepView& sweep, const Crop& crop);
+                              const SweepView& sweep, const Crop& crop, Deskewed into = {});
 
 }  // namespace raceloc::gpu

@@ -21,9 +21,11 @@ struct PreparedScan {
 
 /** The same bits as deskew(), voxelGrid() and covariances() one after another, but what is between them stays on the
  * device. \param full  may be null; else it takes what deskew() gives, at the price of its way back
+ * \param into  what is no longer needed: its memory is used again, as that of `full`
  * \throws std::invalid_argument as they do */
 [[nodiscard]] PreparedScan prepare(Context& context, const PointsView& scan_lidar, const float* time_s,
                                    const SweepView& sweep, const Crop& crop, float voxel_size_m,
-                                   const CovarianceOptions& options, Deskewed* full = nullptr);
+                                   const CovarianceOptions& options, Deskewed* full = nullptr,
+                                   PreparedScan into = {});
 
 }  // namespace raceloc::gpu
