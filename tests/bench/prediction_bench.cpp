@@ -37,8 +37,9 @@ void run(const std::string& ini, const std::string& log, const std::string& trut
   std::vector<double> level_deg;
   const auto judge = [&](double now_s) {
     for (auto& [horizon_s, errors] : by_horizon_s) {
+      const double latest_s = now_s - horizon_s + 1e-6;
       const auto from = std::find_if(begun.rbegin(), begun.rend(),
-                                     [&](const Begun& b) { return b.stamp_s <= now_s - horizon_s + 1e-6; });
+                                     [latest_s](const Begun& b) { return b.stamp_s <= latest_s; });
       if (from == begun.rend() || now_s - from->stamp_s > horizon_s + 0.05) continue;
       const auto motion = history.preintegrated(from->stamp_s, now_s);
       const auto begin = interpolated(truth, from->stamp_s, 0.05), end = interpolated(truth, now_s, 0.05);

@@ -15,7 +15,7 @@ namespace {
 using ::testing::HasSubstr;
 
 std::string file(const std::string& text) {
-  const std::string path =  // of each test its own: they run side by side
+  std::string path =  // of each test its own: they run side by side
       ::testing::TempDir() + ::testing::UnitTest::GetInstance()->current_test_info()->name() + "_graph.g2o";
   std::ofstream(path) << text;
   return path;
