@@ -176,25 +176,23 @@ struct BlockCholesky::Store {
     const Column last = column(at, kBlock - 1);  // has all rows below the block that any of the six has
     return last.size > 1 ? last.rows[1] / kBlock : -1;
   }
+  int takeParent(int at) {
+    const int now = parentInL(at);
+    if (now >= 0 && now != parent[static_cast<std::size_t>(at)])
+      children[static_cast<std::size_t>(now)].push_back(at);
+    return parent[static_cast<std::size_t>(at)] = now;
+  }
   void growTree() {
     parent.assign(capacity, -1);
     children.assign(capacity, {});
     x.assign(kBlock * capacity, 0);
     seen.assign(capacity, 0);
     moving.assign(capacity, 0);
-    for (int at = 0; at < static_cast<int>(capacity); ++at) {
-      parent[static_cast<std::size_t>(at)] = parentInL(at);
-      if (parentInL(at) >= 0) children[static_cast<std::size_t>(parentInL(at))].push_back(at);
-    }
+    for (int at = 0; at < static_cast<int>(capacity); ++at) takeParent(at);
   }
   /** Tells the tree that blocks from `at` to the root may have got new rows. */
   void regrow(int at) {
-    while (at >= 0) {
-      const auto i = static_cast<std::size_t>(at);
-      const int now = parentInL(at);
-      if (now != parent[i] && now >= 0) children[static_cast<std::size_t>(now)].push_back(at);
-      at = parent[i] = now;
-    }
+    while (at >= 0) at = takeParent(at);
   }
   /** L y = b below a block whose y is ready; then D z = y in it. */
   void eliminate(int at) {

@@ -46,11 +46,11 @@ class BlockCholesky {
    * before it. */
   [[nodiscard]] bool append(const Matrix6d& diagonal,
                             const std::vector<std::pair<std::size_t, Matrix6d>>& columns);
+  using Moves = std::function<bool(std::size_t pose, const Vector6d& x)>;
   /** Solves H x = b where b is zero outside the poses given: exactly on the paths from them to the root of the
    * elimination tree, and on down from it below poses that move. What is left out would hardly move.
    * \param moves  asked of each x once. Out: (pose, x), ancestors first.
    * Source: Kaess et al., iSAM2, IJRR 31(2), 2012 (partial state updates). */
-  using Moves = std::function<bool(std::size_t pose, const Vector6d& x)>;
   std::vector<std::pair<std::size_t, Vector6d>> solveMoving(
       const std::vector<std::pair<std::size_t, Vector6d>>& b, const Moves& moves) const;
   /** Block of H^-1. */

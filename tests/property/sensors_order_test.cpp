@@ -108,7 +108,8 @@ TEST(SampleOrderProperty, AStampThatIsAheadByLessMakesNothingLate) {
   forAll(100, [](Random& rnd) {
     auto arrivals = drive(rnd, 5);
     const double ahead_s = rnd.uniform(0, 0.75);
-    for (int n = 20; n < rnd.oneOf({21, 100}); ++n) stampOf(fix(arrivals, n).sample) += ahead_s;
+    const int end = rnd.oneOf({21, 80});  // a second before the drive's end, after which none comes near
+    for (int n = 20; n < end; ++n) stampOf(fix(arrivals, n).sample) += ahead_s;
     SampleOrder order(kWindow_s);
     EXPECT_EQ(through(order, arrivals).size(), arrivals.size());
     EXPECT_EQ(order.droppedLate(), 0U);
