@@ -12,6 +12,7 @@
 #include <vector>
 
 #include "fusion/fusion_filter.h"
+#include "fusion/integrity.h"
 #include "map/tile_query.h"
 #include "odometry/scan_queue.h"
 #include "pipeline/matching_options.h"
@@ -65,6 +66,7 @@ struct LocalizerOutput {
   std::vector<PoseFix> fixes;            ///< what the sources said, carried forward to stamp_s
   std::optional<GateDecision> decision;  ///< none: dead reckoning, no source was due
   std::optional<ScanMatch> scan_match;   ///< when a sweep was matched
+  Integrity integrity;
 };
 
 /** Localization on a map. Samples come in order of time; outputs are in order of time.
