@@ -36,6 +36,7 @@ void requireSound(const PoseFix& fix) {
   };
   const Eigen::Matrix2d& C = fix.cov_p_m2;
   if (!fix.p_map_m.allFinite()) refuse("position is not finite");
+  if (!fix.p_body_m.allFinite()) refuse("lever arm is not finite");
   if (!C.allFinite()) refuse("covariance is not finite");
   if (std::abs(C(0, 1) - C(1, 0)) > 1e-9 * std::abs(C.trace())) refuse("covariance is not symmetric");
   if (!(C(0, 0) > 0 && C.determinant() > 0)) refuse("covariance is not positive definite");
@@ -58,13 +59,13 @@ Order byName(const std::vector<PoseFix>& fixes) {
 
 Distance distance(const CarState& predicted, const PoseFix& fix, const GateOptions& options) {
   if (options.metric == GateMetric::metric) {
-    const Eigen::Vector2d d = fix.p_map_m - predicted.mean.head<2>();
+    const Eigen::Vector2d d = (readingOf(fix) - predictedReading(fix, predicted.mean)).head<2>();
     const double s = std::pow(fix.cov_p_m2.determinant(), 0.25);
     return {s * fix.cov_p_m2.llt().matrixL().solve(d).norm(), options.epsilon_m, options.delta_m};
   }
-  const auto H = observationMatrix(fix.heading);
+  const auto H = observationMatrix(fix, predicted.mean(2));
   const Eigen::Matrix3d S = H * predicted.covariance * H.transpose() + noiseOf(fix);
-  const Eigen::Vector3d nu = innovation(readingOf(fix), H * predicted.mean);
+  const Eigen::Vector3d nu = innovation(readingOf(fix), predictedReading(fix, predicted.mean));
   const int measured = fix.heading == HeadingKind::none ? 2 : 3;
   return {S.llt().matrixL().solve(nu).squaredNorm(), chiSquareLimit(options.epsilon_false_alarm, measured),
           chiSquareLimit(options.delta_false_alarm, measured)};
@@ -123,6 +124,7 @@ PoseFix blend(const CarState& predicted, const std::vector<PoseFix>& fixes, cons
     const PoseFix& fix = fixes[used[i]];
     sum.source += (i == 0 ? "" : "+") + fix.source;
     sum.p_map_m += weights[i] * fix.p_map_m;
+    sum.p_body_m += weights[i] * fix.p_body_m;
     sum.cov_p_m2 += weights[i] * weights[i] * fix.cov_p_m2;
   }
   const Heading heading = blendHeadings(predicted, fixes, used, weights);

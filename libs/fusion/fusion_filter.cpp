@@ -63,16 +63,15 @@ FusionFilter::FusionFilter(const CarState& start, const FusionOptions& options,
   KF_options.method = mrpt::bayes::kfEKFNaive;
   m_xkk.resize(4);
   m_pkk.setSize(4, 4);
-  m_xkk.asEigen() = start.mean;
-  m_pkk.asEigen() = start.covariance;
+  setState(start);
   OnNormalizeStateVector();
 }
 
-void FusionFilter::predict(double duration_s, double speed_mps, double yaw_rate_rps) {
+void FusionFilter::predict(double duration_s, double speed_mps, double yaw_rate_rps, double slip_rad) {
   if (!(duration_s >= 0 && std::isfinite(duration_s) && std::isfinite(speed_mps) &&
-        std::isfinite(yaw_rate_rps)))
-    throw std::invalid_argument("FusionFilter: duration must be >= 0, speed and yaw rate finite");
-  x_step = {duration_s, speed_mps, yaw_rate_rps};
+        std::isfinite(yaw_rate_rps) && std::isfinite(slip_rad)))
+    throw std::invalid_argument("FusionFilter: duration must be >= 0, speed, yaw rate and slip finite");
+  x_step = {duration_s, speed_mps, yaw_rate_rps, slip_rad};
   x_fix.reset();
   runOneKalmanIteration();
 }
@@ -88,8 +87,13 @@ GateDecision FusionFilter::correct(const std::vector<PoseFix>& fixes) {
 
 CarState FusionFilter::state() const { return {m_xkk.asEigen(), m_pkk.asEigen()}; }
 
+void FusionFilter::setState(const CarState& state) {
+  m_xkk.asEigen() = state.mean;
+  m_pkk.asEigen() = state.covariance;
+}
+
 double FusionFilter::courseMidway() const {
-  return m_xkk[2] + m_xkk[3] + 0.5 * x_step.duration_s * x_step.yaw_rate_rps;
+  return m_xkk[2] + m_xkk[3] + x_step.slip_rad + 0.5 * x_step.duration_s * x_step.yaw_rate_rps;
 }
 
 double FusionFilter::biasKept() const { return std::exp(-x_step.duration_s / x_options.bias_time_s); }
@@ -102,7 +106,7 @@ void FusionFilter::OnGetAction(KFArray_ACT& u) const {
 void FusionFilter::OnTransitionModel(const KFArray_ACT& u, KFArray_VEH& x, bool& skip) const {
   skip = x_fix.has_value();
   if (skip) return;
-  const double T = x_step.duration_s, course_rad = x[2] + x[3] + 0.5 * T * u[1];
+  const double T = x_step.duration_s, course_rad = x[2] + x[3] + x_step.slip_rad + 0.5 * T * u[1];
   x[0] += T * u[0] * std::cos(course_rad);
   x[1] += T * u[0] * std::sin(course_rad);
   x[2] += T * u[1];
@@ -154,11 +158,15 @@ void FusionFilter::OnGetObservationsAndDataAssociation(vector_KFArray_OBS& z, st
 void FusionFilter::OnObservationModel(const std::vector<size_t>& /*indices*/,
                                       vector_KFArray_OBS& predictions) const {
   predictions.resize(1);
-  predictions[0].asEigen() = observationMatrix(x_fix ? x_fix->heading : HeadingKind::none) * m_xkk.asEigen();
+  predictions[0].asEigen() =
+      x_fix ? predictedReading(*x_fix, m_xkk.asEigen()) : Eigen::Vector3d(Eigen::Vector3d::Zero());
 }
 
 void FusionFilter::OnObservationJacobians(size_t /*index*/, KFMatrix_OxV& Hx, KFMatrix_OxF& /*Hy*/) const {
-  Hx.asEigen() = observationMatrix(x_fix ? x_fix->heading : HeadingKind::none);
+  if (x_fix)
+    Hx.asEigen() = observationMatrix(*x_fix, m_xkk[2]);
+  else
+    Hx.setZero();
 }
 
 void FusionFilter::OnSubstractObservationVectors(KFArray_OBS& reading, const KFArray_OBS& predicted) const {

@@ -35,7 +35,7 @@ struct FusionOptions {
 
 /** Extended Kalman filter with state [x y theta b] and control [v_x omega_z].
  *
- * In a step of duration T at speed v and yaw rate w the body moves by v T along theta + b + w T / 2, turns by
+ * In a step of duration T at speed v and yaw rate w the body moves by v T along theta + b + slip + w T / 2, turns by
  * w T, and b shrinks by exp(-T / bias_time_s). Noise of the control enters through the Jacobian by the
  * control, which is the paper's 6x6 transition (eq_state_extend) with its two control states eliminated. The
  * middle direction makes the chord too long by (w T)^2 / 24 of it. Source: Lee et al., eq_kalman_basic to
@@ -47,9 +47,9 @@ class FusionFilter : private mrpt::bayes::CKalmanFilterCapable<4, 3, 0, 2> {
   FusionFilter(const CarState& start, const FusionOptions& options, const GateOptions& gate_options);
 
   /** Dead reckoning over `duration_s` >= 0 at constant forward speed of the rear axle and yaw rate
-   * (counter-clockwise). \throws std::invalid_argument if a value is not finite or the duration negative; the
-   * state is then as before. */
-  void predict(double duration_s, double speed_mps, double yaw_rate_rps);
+   * (counter-clockwise), along theta + b + slip. \throws std::invalid_argument if a value is not finite or the duration
+   * negative; the state is then as before. */
+  void predict(double duration_s, double speed_mps, double yaw_rate_rps, double slip_rad = 0);
 
   /** Corrects by what gate() makes of the fixes, all of the filter's present time; not at all if it rejects
    * them. \return what it believed of each source, and why \throws std::invalid_argument as gate() does; the
@@ -57,10 +57,12 @@ class FusionFilter : private mrpt::bayes::CKalmanFilterCapable<4, 3, 0, 2> {
   GateDecision correct(const std::vector<PoseFix>& fixes);
 
   [[nodiscard]] CarState state() const;
+  /** Goes on from another state: one that state() gave, or a sound one. */
+  void setState(const CarState& state);
 
  private:
   struct Step {
-    double duration_s, speed_mps, yaw_rate_rps;
+    double duration_s, speed_mps, yaw_rate_rps, slip_rad;
   };
   [[nodiscard]] double courseMidway() const;  ///< direction of the step's chord [rad]
   [[nodiscard]] double biasKept() const;      ///< what the step leaves of b, 0..1

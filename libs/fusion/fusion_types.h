@@ -15,18 +15,34 @@ enum class HeadingKind {
   course,  ///< theta + b, the direction of motion: single antenna
 };
 
-/** One pose source's measurement of the body at the time of the decision, map frame. */
+/** One pose source's measurement, map frame. */
 struct PoseFix {
   std::string source;        ///< label; a decision sees each label once
-  Eigen::Vector2d p_map_m;   ///< rear axle
+  Eigen::Vector2d p_map_m;   ///< where the point p_body_m of the car is
   Eigen::Matrix2d cov_p_m2;  ///< symmetric positive definite
   HeadingKind heading = HeadingKind::none;
   double heading_rad = 0;        ///< 0 = east, counter-clockwise; read unless heading is `none`
   double heading_sigma_rad = 0;  ///< > 0 unless heading is `none`
+  Eigen::Vector2d p_body_m = Eigen::Vector2d::Zero();  ///< lever arm of an antenna; the rear axle has none
+};
+
+/** A fix and the time it is of. */
+struct TimedFix {
+  double stamp_s;
+  PoseFix fix;
+};
+
+/** How the car moved in the plane of the map until `stamp_s`, since the control before. */
+struct Control {
+  double stamp_s;
+  double speed_mps;     ///< forward, of the rear axle
+  double yaw_rate_rps;  ///< about the vertical, counter-clockwise
+  double slip_rad = 0;  ///< known part of the angle from heading to course; b is the rest
 };
 
 /** State of the filter: x, y [m] in the map, theta [rad] heading of the body in [-pi, pi), b [rad] the angle
- * from heading to course (side-slip and mounting error), so that motion goes along theta + b. */
+ * from heading to course (side-slip and mounting error) less what the control knows of it, so that motion goes along
+ * theta + b + slip. */
 struct CarState {
   Eigen::Vector4d mean;        ///< x y theta b
   Eigen::Matrix4d covariance;  ///< of it, symmetric
@@ -48,12 +64,17 @@ struct SourceVerdict {
   double p_theta;  ///< p(Theta_k | x), eq_sigmoid_mahala: 0.5 for delta = 0, falling to 0
   double weight;  ///< its share in the correction; those of all sources add up to 1, or to 0 for rejected_all
   bool accepted;
+  double nis = 0;        ///< normalised innovation squared of its position, as it claims to be: 2 in the mean
+  double inflation = 1;  ///< by what its covariance was multiplied, because of that
+  bool left = false;     ///< it left the other sources: delta is how far [m], limit what they allow
+  bool confirms = false;  ///< accepted, and its innovation is what its claim lets expect
 };
 
 struct GateDecision {
   GateRule rule;
   std::vector<SourceVerdict> sources;  ///< in the order of the fixes
   bool alarm;                          ///< nothing could be believed: the car dead-reckons
+  bool reset = false;                  ///< two keys turned: the estimate was set to two sources that agree
 };
 
 }  // namespace raceloc

@@ -4,11 +4,22 @@
 
 namespace raceloc {
 
-Eigen::Matrix<double, 3, 4> observationMatrix(HeadingKind heading) {
+Eigen::Vector3d predictedReading(const PoseFix& fix, const Eigen::Vector4d& x) {
+  const Eigen::Vector2d p_map_m = x.head<2>() + Eigen::Rotation2Dd(x(2)) * fix.p_body_m;
+  double heading_rad = 0;
+  if (fix.heading == HeadingKind::body) heading_rad = x(2);
+  if (fix.heading == HeadingKind::course) heading_rad = x(2) + x(3);
+  return {p_map_m.x(), p_map_m.y(), heading_rad};
+}
+
+Eigen::Matrix<double, 3, 4> observationMatrix(const PoseFix& fix, double theta_rad) {
   Eigen::Matrix<double, 3, 4> H = Eigen::Matrix<double, 3, 4>::Zero();
   H(0, 0) = H(1, 1) = 1;
-  if (heading != HeadingKind::none) H(2, 2) = 1;
-  if (heading == HeadingKind::course) H(2, 3) = 1;
+  const Eigen::Vector2d lever_m = Eigen::Rotation2Dd(theta_rad) * fix.p_body_m;
+  H(0, 2) = -lever_m.y();
+  H(1, 2) = lever_m.x();
+  if (fix.heading != HeadingKind::none) H(2, 2) = 1;
+  if (fix.heading == HeadingKind::course) H(2, 3) = 1;
   return H;
 }
 

@@ -11,8 +11,10 @@
 
 namespace raceloc {
 
-/** H, 3x4: x, y and theta (`body`), theta + b (`course`) or nothing (`none`) out of [x y theta b]. */
-[[nodiscard]] Eigen::Matrix<double, 3, 4> observationMatrix(HeadingKind heading);
+/** h(x) = [x y] + R(theta) p_body and theta (`body`), theta + b (`course`) or 0 (`none`), x = [x y theta b]. */
+[[nodiscard]] Eigen::Vector3d predictedReading(const PoseFix& fix, const Eigen::Vector4d& x);
+/** H = dh/dx, 3x4; without a lever arm the paper's constant H. */
+[[nodiscard]] Eigen::Matrix<double, 3, 4> observationMatrix(const PoseFix& fix, double theta_rad);
 /** y_k = [x y heading] [m, m, rad]. */
 [[nodiscard]] Eigen::Vector3d readingOf(const PoseFix& fix);
 /** R_k, 3x3 [m^2, rad^2]. */

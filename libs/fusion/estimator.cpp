@@ -1,0 +1,175 @@
+#include "fusion/estimator.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "core/types.h"
+#include "fusion/chi_square.h"
+
+namespace raceloc {
+
+namespace {
+
+SourceRecord& recorded(EstimatorState& state, const PoseFix& fix, const ReliabilityOptions& options) {
+  auto& records = state.records;
+  const auto place =
+      std::lower_bound(records.begin(), records.end(), fix.source,
+                       [](const SourceRecord& r, const std::string& name) { return r.source < name; });
+  if (place == records.end() || place->source != fix.source)
+    return *records.insert(place, firstRecord(state.stamp_s, state.car, fix));
+  record(*place, state.stamp_s, state.car, fix, options);
+  return *place;
+}
+
+std::vector<SourceRecord>::iterator recordOf(EstimatorState& state, const std::string& source) {
+  return std::find_if(state.records.begin(), state.records.end(),
+                      [&](const SourceRecord& r) { return r.source == source; });
+}
+
+/** Dead reckoning and estimate move alike, but for the angle between their directions; the memory fades. */
+void advance(MotionWitness& motion, const CarState& car, const Control& rates, double duration_s,
+             const EstimatorOptions& options) {
+  const double length_m = rates.speed_mps * duration_s;
+  const double course_rad = car.mean(2) + car.mean(3) + rates.slip_rad;
+  Eigen::Matrix3d F = Eigen::Matrix3d::Identity();
+  F(0, 2) = -length_m * std::sin(course_rad);
+  F(1, 2) = length_m * std::cos(course_rad);
+  const double kept = std::exp(-duration_s / options.reliability.motion_memory_s);
+  motion.offset = kept * (F * motion.offset);
+  motion.covariance = kept * kept * F * motion.covariance * F.transpose();
+  const double along_m2 = std::pow(options.fusion.speed_sigma_mps, 2) * duration_s;
+  const Eigen::Vector2d along(std::cos(course_rad), std::sin(course_rad));
+  motion.covariance.topLeftCorner<2, 2>() += along_m2 * along * along.transpose();
+  motion.covariance(2, 2) += std::pow(options.fusion.yaw_rate_sigma_rps, 2) * duration_s;
+}
+
+}  // namespace
+
+EstimatorState beginAt(double stamp_s, const CarState& car) {
+  return {stamp_s, car, {}, {}, stamp_s, std::nullopt};
+}
+
+Estimator::Estimator(const EstimatorOptions& options)
+    : x_options(options),
+      x_confirm_limit(chiSquareLimit(options.reliability.confirm_false_alarm, 2)),
+      x_filter({Eigen::Vector4d::Zero(), Eigen::Matrix4d::Identity()}, options.fusion, options.gate) {}
+
+void Estimator::advance(EstimatorState& state, const Control& rates, double to_s) {
+  const double duration_s = to_s - state.stamp_s;
+  if (!(duration_s > 0)) return;
+  raceloc::advance(state.motion, state.car, rates, duration_s, x_options);
+  x_filter.setState(state.car);
+  x_filter.predict(duration_s, rates.speed_mps, rates.yaw_rate_rps, rates.slip_rad);
+  state.car = x_filter.state();
+  state.stamp_s = to_s;
+}
+
+/** The estimate moves; what is held against it is as far from the new one. */
+void Estimator::corrected(EstimatorState& state, const CarState& to) const {
+  const Eigen::Vector4d moved(to.mean(0) - state.car.mean(0), to.mean(1) - state.car.mean(1),
+                              wrapAngle(to.mean(2) - state.car.mean(2)), to.mean(3) - state.car.mean(3));
+  state.motion.offset -= Eigen::Vector3d(moved(0), moved(1), moved(2) + moved(3));
+  for (auto& record : state.records) {
+    record.mean_m -= moved.head<2>();
+    record.residual_m -= moved.head<2>();
+    if (record.heading_rad) record.heading_rad = *record.heading_rad - moved(2);
+  }
+  state.car = to;
+}
+
+GateDecision Estimator::decide(EstimatorState& state, std::vector<PoseFix> fixes) {
+  const ReliabilityOptions& reliability = x_options.reliability;
+  std::vector<SourceVerdict> verdicts;
+  for (const PoseFix& fix : fixes) {
+    SourceRecord& known = recorded(state, fix, reliability);
+    SourceVerdict verdict{fix.source, 0, 0, 0, 0, false};
+    verdict.nis = positionNis(state.car, fix);
+    known.confirms = verdict.nis <= x_confirm_limit && scattersAsClaimed(known);
+    const double excess =
+        scattersAsClaimed(known) ? known.contradiction : std::max(known.contradiction, known.noise);
+    if (excess > reliability.inflate_from) verdict.inflation = excess;
+    if (verdict.nis > x_confirm_limit) verdict.inflation = std::max(verdict.inflation, 0.5 * verdict.nis);
+    verdicts.push_back(std::move(verdict));
+  }
+  const std::vector<double> left_m =
+      holdAgainstEachOther(state.records, state.motion, state.stamp_s, reliability);
+  const bool confirmed = std::any_of(state.records.begin(), state.records.end(), [&](const SourceRecord& r) {
+    return r.confirms && !r.left && state.stamp_s - r.stamp_s <= x_options.recovery.alone_s;
+  });
+
+  std::vector<PoseFix> heard;
+  std::vector<std::size_t> numbers;  // of the fixes that are heard
+  for (std::size_t i = 0; i < fixes.size(); ++i) {
+    SourceVerdict& verdict = verdicts[i];
+    const auto known = recordOf(state, fixes[i].source);
+    verdict.left = known->left;
+    verdict.confirms = known->confirms && !known->left;
+    if (known->left) {
+      verdict.delta = left_m[static_cast<std::size_t>(known - state.records.begin())];
+      verdict.limit = reliability.separation_m;
+    } else if (confirmed && !known->confirms) {
+      verdict.delta = verdict.nis;
+      verdict.limit = x_confirm_limit;
+    } else {
+      fixes[i].cov_p_m2 *= verdict.inflation;
+      fixes[i].heading_sigma_rad *= std::sqrt(verdict.inflation);
+      heard.push_back(std::move(fixes[i]));
+      numbers.push_back(i);
+    }
+  }
+
+  GateDecision decision{GateRule::rejected_all, {}, true};
+  if (!heard.empty()) {
+    x_filter.setState(state.car);
+    decision = x_filter.correct(heard);
+    corrected(state, x_filter.state());
+  }
+  for (std::size_t k = 0; k < numbers.size(); ++k) {
+    SourceVerdict& verdict = verdicts[numbers[k]];
+    const SourceVerdict& gated = decision.sources[k];
+    verdict.delta = gated.delta;
+    verdict.limit = gated.limit;
+    verdict.weight = gated.weight;
+    verdict.accepted = gated.accepted;
+    verdict.confirms = verdict.confirms && gated.accepted;
+    recordOf(state, verdict.source)->confirms = verdict.confirms;
+  }
+  for (auto& verdict : verdicts) verdict.p_theta = conditionalProbability(verdict.delta);
+  if (heard.size() < verdicts.size() && decision.rule != GateRule::rejected_all)
+    decision.rule = GateRule::rejected_some;
+  decision.sources = std::move(verdicts);
+  decision.alarm = !confirmed;
+  if (confirmed) {
+    state.confirmed_s = state.stamp_s;
+    state.keys_since_s.reset();
+  } else {
+    tryTwoKeys(state, decision);
+  }
+  return decision;
+}
+
+void Estimator::tryTwoKeys(EstimatorState& state, GateDecision& decision) const {
+  if (state.stamp_s - state.confirmed_s < x_options.recovery.alone_s) return;
+  const auto keys = twoKeys(state.records, state.stamp_s, x_options.reliability);
+  if (!keys) {
+    state.keys_since_s.reset();
+    return;
+  }
+  if (!state.keys_since_s) state.keys_since_s = state.stamp_s;
+  if (state.stamp_s - *state.keys_since_s < x_options.recovery.agree_s) return;
+
+  corrected(state, stateOf(state.car, state.records[keys->first], state.records[keys->second],
+                           x_options.fusion.bias_sigma_rad));
+  for (auto* record : {&state.records[keys->first], &state.records[keys->second]}) {
+    record->contradiction = 1;
+    record->left = false;
+    record->with_others_since_s.reset();
+    record->confirms = true;
+  }
+  state.motion = {};
+  state.confirmed_s = state.stamp_s;
+  state.keys_since_s.reset();
+  decision.reset = true;
+}
+
+}  // namespace raceloc

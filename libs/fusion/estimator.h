@@ -1,0 +1,69 @@
+/** \file
+ * One step of the estimate: motion, then a decision between sources. Everything that later steps depend on is in one
+ * value, so that a history may go back to any of them. */
+#pragma once
+
+#include <optional>
+#include <vector>
+
+#include "fusion/fusion_filter.h"
+#include "fusion/recovery.h"
+#include "fusion/reliability.h"
+
+namespace raceloc {
+
+struct EstimatorOptions {
+  FusionOptions fusion;
+  GateOptions gate;
+  ReliabilityOptions reliability;
+  RecoveryOptions recovery;
+};
+
+/** The estimate at an instant, and what is remembered of the sources. */
+struct EstimatorState {
+  double stamp_s;
+  CarState car;
+  MotionWitness motion;
+  std::vector<SourceRecord> records;  ///< by name
+  double confirmed_s;                 ///< when a source last confirmed the estimate, or when it began
+  std::optional<double>
+      keys_since_s;  ///< since when two sources have agreed with each other against the estimate
+};
+
+/** A first state. */
+[[nodiscard]] EstimatorState beginAt(double stamp_s, const CarState& car);
+
+/** Steps of EstimatorState. Holds the filter's work space and no state of its own. */
+class Estimator {
+ public:
+  /** \throws InputError if the gate's epsilon is wider than its delta */
+  explicit Estimator(const EstimatorOptions& options);
+
+  /** Dead reckoning to `to_s`, at the rates of a control. Nothing if `to_s` is not later than the state. */
+  void advance(EstimatorState& state, const Control& rates, double to_s);
+
+  /** Decides between fixes of the state's time, one of each source.
+   *
+   * 1. What each source's fixes told of it is brought up to date, and sources are held against each other
+   *    (reliability.h): those that left are out.
+   * 2. A fix confirms the estimate if its own claim explains its innovation and its source scatters as it claims. While
+   *    the newest fix of some source does, fixes that contradict the estimate have no say.
+   * 3. Claims that innovations contradict are inflated, by half their normalised square; gate() decides between what is
+   *    left, and the filter is corrected with the result. An alarm is a decision while nobody confirms the estimate.
+   * 4. When nobody has confirmed it for RecoveryOptions::alone_s, and two sources have agreed with each other for
+   *    agree_s, the estimate is set to them (reading.md section 2, lock-out).
+   * \throws std::invalid_argument as gate() does. */
+  GateDecision decide(EstimatorState& state, std::vector<PoseFix> fixes);
+
+  [[nodiscard]] const EstimatorOptions& options() const { return x_options; }
+
+ private:
+  void corrected(EstimatorState& state, const CarState& to) const;
+  void tryTwoKeys(EstimatorState& state, GateDecision& decision) const;
+
+  EstimatorOptions x_options;
+  double x_confirm_limit;  ///< of the normalised innovation squared of a position
+  FusionFilter x_filter;
+};
+
+}  // namespace raceloc

@@ -1,0 +1,61 @@
+#include "fusion/recovery.h"
+
+#include <Eigen/LU>
+#include <cmath>
+#include <limits>
+
+#include "core/types.h"
+
+namespace raceloc {
+
+void RecoveryOptions::describe(OptionList& keys) {
+  keys.add("agree_s", agree_s, atLeast(0),
+           "two sources must agree with each other for this long before a reset [s]");
+  keys.add("alone_s", alone_s, atLeast(0),
+           "and no source must have confirmed the estimate for this long [s]");
+}
+
+std::optional<TwoKeys> twoKeys(const std::vector<SourceRecord>& records, double stamp_s,
+                               const ReliabilityOptions& options) {
+  const auto fresh = [&](const SourceRecord& record) { return stamp_s - record.stamp_s <= options.fresh_s; };
+  std::optional<TwoKeys> best;
+  double least = std::numeric_limits<double>::infinity();
+  for (std::size_t i = 0; i < records.size(); ++i) {
+    if (!fresh(records[i])) continue;
+    for (std::size_t j = i + 1; j < records.size(); ++j) {
+      if (!fresh(records[j])) continue;
+      const double apart = separation(records[i].residual_m - records[j].residual_m,
+                                      records[i].cov_m2 + records[j].cov_m2, options);
+      if (apart > options.separation_sigmas || apart >= least) continue;
+      least = apart;
+      best = TwoKeys{i, j};
+    }
+  }
+  return best;
+}
+
+CarState stateOf(const CarState& predicted, const SourceRecord& first, const SourceRecord& second,
+                 double bias_sigma_rad) {
+  const Eigen::Matrix2d W1 = first.cov_m2.inverse(), W2 = second.cov_m2.inverse();
+  CarState state = predicted;
+  state.mean.head<2>() += (W1 + W2).inverse() * (W1 * first.residual_m + W2 * second.residual_m);
+  double turn_rad = 0, weight = 0, sigma_rad = std::sqrt(predicted.covariance(2, 2));
+  for (const SourceRecord* record : {&first, &second}) {
+    if (!record->heading_rad) continue;
+    const double w = 1 / (*record->heading_sigma_rad * *record->heading_sigma_rad);
+    turn_rad += w * *record->heading_rad;
+    weight += w;
+  }
+  if (weight > 0) {
+    state.mean(2) = wrapAngle(state.mean(2) + turn_rad / weight);
+    sigma_rad = std::sqrt(2 / weight);
+  }
+  state.mean(3) = 0;
+  state.covariance.setZero();
+  state.covariance.topLeftCorner<2, 2>() = 2 * (W1 + W2).inverse();
+  state.covariance(2, 2) = sigma_rad * sigma_rad;
+  state.covariance(3, 3) = bias_sigma_rad * bias_sigma_rad;
+  return state;
+}
+
+}  // namespace raceloc

@@ -1,0 +1,154 @@
+#include "fusion/reliability.h"
+
+#include <Eigen/Cholesky>
+#include <algorithm>
+#include <cmath>
+
+#include "core/types.h"
+#include "fusion/measurement.h"
+
+namespace raceloc {
+
+namespace {
+
+constexpr double kJump =
+    12;  // of a step, whose share beyond x is exp(-x): no noise, the source is elsewhere now
+constexpr double kMostNis = 1e6;  // one fix a thousand sigmas off says no more than that it is off
+
+Eigen::Vector2d residualOf(const CarState& predicted, const PoseFix& fix) {
+  return (readingOf(fix) - predictedReading(fix, predicted.mean)).head<2>();
+}
+
+/** Whoever may vouch for a position: a source, or the car's own motion. */
+struct Witness {
+  Eigen::Vector2d mean_m;
+  Eigen::Matrix2d cov_m2;
+};
+
+int sizeOf(unsigned set) { return __builtin_popcount(set); }
+
+}  // namespace
+
+void ReliabilityOptions::describe(OptionList& keys) {
+  keys.add("window_s", window_s, above(0), "residuals of a source are averaged over this time [s]");
+  keys.add("separation_m", separation_m, above(0),
+           "sources whose mean residuals are farther apart disagree [m] ...");
+  keys.add("separation_sigmas", separation_sigmas, above(0),
+           "... unless they claim no better than this many sigmas");
+  keys.add("confirm_false_alarm", confirm_false_alarm, between(1e-12, 0.1),
+           "share of sound fixes that do not confirm a sound estimate");
+  keys.add("inflate_from", inflate_from, atLeast(1),
+           "how many times its claim a source's scatter or contradiction must be before its covariance is "
+           "inflated by it");
+  keys.add("fresh_s", fresh_s, above(0), "a source is heard for this long after its last fix [s]");
+  keys.add("return_s", return_s, atLeast(0),
+           "a source that left is believed after it has agreed for this long [s]");
+  keys.add("motion_memory_s", motion_memory_s, above(0),
+           "the car's own motion remembers where the estimate was for this long [s]");
+}
+
+double positionNis(const CarState& predicted, const PoseFix& fix) {
+  const Eigen::Matrix<double, 2, 4> H = observationMatrix(fix, predicted.mean(2)).topRows<2>();
+  const Eigen::Matrix2d S = H * predicted.covariance * H.transpose() + fix.cov_p_m2;
+  return S.llt().matrixL().solve(residualOf(predicted, fix)).squaredNorm();
+}
+
+SourceRecord firstRecord(double stamp_s, const CarState& predicted, const PoseFix& fix) {
+  SourceRecord first{};
+  first.source = fix.source;
+  first.stamp_s = stamp_s;
+  first.residual_m = first.mean_m = residualOf(predicted, fix);
+  first.cov_m2 = fix.cov_p_m2;
+  first.contradiction = first.scatter = 1;
+  return first;
+}
+
+void record(SourceRecord& known, double stamp_s, const CarState& predicted, const PoseFix& fix,
+            const ReliabilityOptions& options) {
+  const Eigen::Vector2d residual_m = residualOf(predicted, fix);
+  if (stamp_s - known.stamp_s > options.fresh_s) known.residual_m = known.mean_m = residual_m;
+  const double share = -std::expm1(-(stamp_s - known.stamp_s) / options.window_s);
+  const double step =
+      (residual_m - known.residual_m).squaredNorm() / (known.cov_m2.trace() + fix.cov_p_m2.trace());
+  const double half_nis = 0.5 * std::min(positionNis(predicted, fix), kMostNis);
+  const bool was_noisy = !scattersAsClaimed(known);
+  if (step > kJump)
+    known.mean_m = residual_m;
+  else
+    known.mean_m += share * (residual_m - known.mean_m);
+  known.noise += share * (std::min(step, kMostNis) - known.noise);
+  known.scatter += share * (std::min(step, kMostStep) - known.scatter);
+  known.contradiction += share * (half_nis - known.contradiction);
+  if (was_noisy && scattersAsClaimed(known)) {  // what was noise is over
+    known.noise = 1;
+    known.contradiction = half_nis;
+  }
+  known.residual_m = residual_m;
+  known.cov_m2 = fix.cov_p_m2;
+  known.stamp_s = stamp_s;
+  if (fix.heading == HeadingKind::none) return;
+  known.heading_rad = innovation(readingOf(fix), predictedReading(fix, predicted.mean))(2);
+  known.heading_sigma_rad = fix.heading_sigma_rad;
+}
+
+double separation(const Eigen::Vector2d& apart_m, const Eigen::Matrix2d& cov_m2,
+                  const ReliabilityOptions& options) {
+  const double floor_m = options.separation_m / options.separation_sigmas;
+  const Eigen::Matrix2d S = cov_m2 + floor_m * floor_m * Eigen::Matrix2d::Identity();
+  return S.llt().matrixL().solve(apart_m).norm();
+}
+
+std::vector<double> holdAgainstEachOther(std::vector<SourceRecord>& records, const MotionWitness& motion,
+                                         double stamp_s, const ReliabilityOptions& options) {
+  constexpr std::size_t kMost = 16;
+  std::vector<Witness> witnesses{{motion.offset.head<2>(), motion.covariance.topLeftCorner<2, 2>()}};
+  std::vector<std::size_t> fresh;  // the record of each witness but the first
+  for (std::size_t k = 0; k < records.size() && fresh.size() < kMost; ++k) {
+    if (stamp_s - records[k].stamp_s > options.fresh_s || !scattersAsClaimed(records[k])) continue;
+    fresh.push_back(k);
+    witnesses.push_back({records[k].mean_m, records[k].cov_m2});
+  }
+
+  const std::size_t n = witnesses.size();
+  std::vector<unsigned> agreeing(n);  // sets of witnesses, as bits
+  for (std::size_t i = 0; i < n; ++i)
+    for (std::size_t j = 0; j < n; ++j)
+      if (separation(witnesses[i].mean_m - witnesses[j].mean_m, witnesses[i].cov_m2 + witnesses[j].cov_m2,
+                     options) <= options.separation_sigmas)
+        agreeing[i] |= 1U << j;
+
+  unsigned winners = 0;
+  for (unsigned set = 1; set < 1U << n; ++set) {
+    bool all_agree = true;
+    for (std::size_t i = 0; i < n && all_agree; ++i)
+      all_agree = (set >> i & 1) == 0 || (set & ~agreeing[i]) == 0;
+    if (!all_agree) continue;
+    const bool larger = sizeOf(set) > sizeOf(winners);
+    const bool moves_along = sizeOf(set) == sizeOf(winners) && (set & 1) > (winners & 1);
+    if (larger || moves_along) winners = set;
+  }
+
+  Eigen::Vector2d mean_m = Eigen::Vector2d::Zero();
+  for (std::size_t i = 0; i < n; ++i)
+    if (winners >> i & 1) mean_m += witnesses[i].mean_m / sizeOf(winners);
+  std::vector<double> left_m(records.size(), 0);
+  for (std::size_t i = 1; i < n; ++i) {
+    SourceRecord& record = records[fresh[i - 1]];
+    const unsigned against = winners & ~agreeing[i];
+    if (sizeOf(against) >= 2) record.left = true;
+    if (!record.left) continue;
+    if (against != 0) {
+      record.with_others_since_s.reset();
+    } else if (!record.with_others_since_s) {
+      record.with_others_since_s = stamp_s;
+    }
+    if (record.with_others_since_s && stamp_s - *record.with_others_since_s >= options.return_s) {
+      record.left = false;
+      record.with_others_since_s.reset();
+    }
+    left_m[fresh[i - 1]] = record.left ? (record.mean_m - mean_m).norm() : 0;
+  }
+  return left_m;
+}
+
+}  // namespace raceloc

@@ -1,0 +1,84 @@
+/** \file
+ * What the last fixes of each source tell of it: whether its errors are what it claims, and whether it leaves the
+ * others. */
+#pragma once
+
+#include <Eigen/Core>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "core/options.h"
+#include "fusion/fusion_types.h"
+
+namespace raceloc {
+
+/** Section [reliability]. */
+struct ReliabilityOptions {
+  double window_s = 0.5;
+  double separation_m = 0.5;
+  double separation_sigmas = 3;
+  double confirm_false_alarm = 1e-5;
+  double inflate_from = 3;
+  double fresh_s = 0.5;
+  double return_s = 1;
+  double motion_memory_s = 0.5;
+  void describe(OptionList& keys);
+};
+
+/** One source, as its fixes of the last moments show it. Means are exponential, over ReliabilityOptions::window_s. */
+struct SourceRecord {
+  std::string source;
+  double stamp_s;              ///< of its newest fix
+  Eigen::Vector2d residual_m;  ///< newest, fix less estimate, map axes
+  Eigen::Vector2d mean_m;      ///< of the residuals since it last jumped
+  Eigen::Matrix2d cov_m2;      ///< newest claim
+  /** Residual and claim of the newest fix that had a heading. */
+  std::optional<double> heading_rad, heading_sigma_rad;
+  /** Mean of half the normalised innovation squared: 1 if estimate and claim are right. */
+  double contradiction = 1;
+  double noise = 1;       ///< mean square step between residuals over what the claim lets expect
+  double scatter = 1;     ///< the same with each step at most kMostStep: forgives soon
+  bool confirms = false;  ///< its newest fix was accepted, as its claim lets expect
+  bool left = false;
+  std::optional<double> with_others_since_s;  ///< while it has left: since when it is back
+};
+
+constexpr double kMostStep = 8, kMostScatter = 4;
+/** Whether the fixes scatter as the source claims, within a factor of two. Others have no vote. */
+[[nodiscard]] inline bool scattersAsClaimed(const SourceRecord& record) {
+  return record.scatter <= kMostScatter;
+}
+
+/** The car's own motion as one more witness: dead reckoning that follows the estimate only slowly. */
+struct MotionWitness {
+  Eigen::Vector3d offset =
+      Eigen::Vector3d::Zero();  ///< dead reckoning less estimate: x, y [m], direction [rad]
+  Eigen::Matrix3d covariance = Eigen::Matrix3d::Zero();
+};
+
+/** Enters a fix; after a silence of more than fresh_s means begin anew. \param predicted  the estimate at the time of the
+ * fix */
+void record(SourceRecord& known, double stamp_s, const CarState& predicted, const PoseFix& fix,
+            const ReliabilityOptions& options);
+[[nodiscard]] SourceRecord firstRecord(double stamp_s, const CarState& predicted, const PoseFix& fix);
+
+/** Position innovation d' S^-1 d with S = H P H' + R. */
+[[nodiscard]] double positionNis(const CarState& predicted, const PoseFix& fix);
+
+/** How far two mean residuals are apart, in sigmas of what their claims and separation_m allow: they agree up to
+ * separation_sigmas. Anisotropic: a match that knows nothing along a straight is held to what it says across it. */
+[[nodiscard]] double separation(const Eigen::Vector2d& apart_m, const Eigen::Matrix2d& cov_m2,
+                                const ReliabilityOptions& options);
+
+/** Solution separation: marks the sources that leave the others, and takes back those that returned. The largest set
+ * of fresh sources, scattering as they claim, and the car's own motion that agree with each other wins, of equally large ones that with the car's
+ * own motion, then the first; a source that disagrees with at least two of it has left, and is back once it has agreed
+ * with all of it for return_s. Which of two sources is right is hence told by the motion, or not at all.
+ * \param records  by name; at most 16 count
+ * Returns the distance to the winners' mean for each that has left [m], 0 for the others. */
+[[nodiscard]] std::vector<double> holdAgainstEachOther(std::vector<SourceRecord>& records,
+                                                       const MotionWitness& motion, double stamp_s,
+                                                       const ReliabilityOptions& options);
+
+}  // namespace raceloc

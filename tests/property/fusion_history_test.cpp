@@ -1,0 +1,319 @@
+/** \file
+ * The estimate in a fixed lag: a car at 70 m/s in the plane, two receivers and a scan match that lie, come late or
+ * vanish. Given ..., when ..., then .... */
+#include <gmock/gmock.h>
+
+#include <Eigen/Dense>
+#include <algorithm>
+#include <cmath>
+#include <functional>
+#include <map>
+#include <variant>
+
+#include "core/types.h"
+#include "fusion/history.h"
+#include "support/forall.h"
+
+namespace raceloc {
+namespace {
+
+using test::forAll;
+using test::Random;
+
+constexpr double kSpeed_mps = 70, kYawRate_rps = 0.15;
+const Eigen::Vector2d kLever_m(1.5, 0.3);
+
+struct Truth {
+  Eigen::Vector2d p_m;
+  double heading_rad;
+};
+/** Round a circle, from the origin to the east. */
+Truth truthAt(double t) {
+  const double radius_m = kSpeed_mps / kYawRate_rps, angle = kYawRate_rps * t;
+  return {{radius_m * std::sin(angle), radius_m * (1 - std::cos(angle))}, wrapAngle(angle)};
+}
+
+using Message = std::variant<Control, TimedFix>;
+double stampOf(const Message& message) {
+  return std::visit([](const auto& m) { return m.stamp_s; }, message);
+}
+
+/** Changes a fix on its way, or drops it (false). */
+using Fault = std::function<bool(TimedFix&, Random&)>;
+bool none(TimedFix& /*fix*/, Random& /*rnd*/) { return true; }
+bool isGps(const TimedFix& fix) { return fix.fix.source != "scan_match"; }
+bool within(const TimedFix& fix, double from_s, double to_s) {
+  return fix.stamp_s >= from_s && fix.stamp_s < to_s;
+}
+void shake(TimedFix& fix, Random& rnd, double sigma_m) {
+  fix.fix.p_map_m += Eigen::Vector2d(rnd.normal(sigma_m), rnd.normal(sigma_m));
+}
+
+/** What the devices say, in order of time: controls at 100 Hz, receivers at 20 Hz, matches at 10 Hz. */
+std::vector<Message> drive(double seconds, Random& rnd, const Fault& fault, double speed_error = 0) {
+  std::vector<Message> messages;
+  const auto say = [&](const std::string& source, double t, double sigma_m, const Eigen::Vector2d& lever_m) {
+    const Truth truth = truthAt(t);
+    TimedFix fix{t,
+                 {source, truth.p_m + Eigen::Rotation2Dd(truth.heading_rad) * lever_m,
+                  sigma_m * sigma_m * Eigen::Matrix2d::Identity(), HeadingKind::body, truth.heading_rad,
+                  0.003, lever_m}};
+    shake(fix, rnd, sigma_m);
+    fix.fix.heading_rad += rnd.normal(fix.fix.heading_sigma_rad);
+    if (fault(fix, rnd)) messages.emplace_back(fix);
+  };
+  const int steps = static_cast<int>(std::lround(100 * seconds));
+  for (int i = 1; i <= steps; ++i) {
+    const double t = 0.01 * i;
+    messages.emplace_back(
+        Control{t, kSpeed_mps * (1 + speed_error) + rnd.normal(0.3), kYawRate_rps + rnd.normal(0.01)});
+    if (i % 5 == 1) say("gps_left", t - 0.002, 0.05, kLever_m);
+    if (i % 5 == 1) say("gps_right", t - 0.002, 0.05, -kLever_m);
+    if (i % 10 == 3) say("scan_match", t - 0.001, 0.03, Eigen::Vector2d::Zero());
+  }
+  std::stable_sort(messages.begin(), messages.end(),
+                   [](const Message& a, const Message& b) { return stampOf(a) < stampOf(b); });
+  return messages;
+}
+
+EstimatorOptions options() {
+  EstimatorOptions o;
+  o.fusion.speed_sigma_mps = 0.1;
+  o.fusion.yaw_rate_sigma_rps = 0.0015;
+  return o;
+}
+
+FusionHistory started() {
+  Eigen::Vector4d variance(0.01, 0.01, 1e-4, 4e-4);
+  return {options(), {}, {{0, 0, 0, 0}, variance.asDiagonal()}, {0, kSpeed_mps, kYawRate_rps}};
+}
+
+struct Moment {
+  double stamp_s;
+  Eigen::Vector2d p_m;
+  double error_m;
+  bool alarm;
+};
+/** The estimate at each control, and whether the newest decision was an alarm. */
+struct Course {
+  std::vector<Moment> moments;
+  std::vector<DatedDecision> decisions;
+  [[nodiscard]] double worst_m(double from_s, double to_s) const {
+    double worst = 0;
+    for (const auto& m : moments)
+      if (m.stamp_s >= from_s && m.stamp_s < to_s) worst = std::max(worst, m.error_m);
+    return worst;
+  }
+  [[nodiscard]] double rmse_m(double from_s, double to_s) const {
+    double sum = 0;
+    int n = 0;
+    for (const auto& m : moments)
+      if (m.stamp_s >= from_s && m.stamp_s < to_s) sum += m.error_m * m.error_m, ++n;
+    return std::sqrt(sum / n);
+  }
+  [[nodiscard]] std::optional<double> firstAlarm_s(double after_s) const {
+    for (const auto& d : decisions)
+      if (d.stamp_s >= after_s && d.decision.alarm) return d.stamp_s;
+    return std::nullopt;
+  }
+};
+
+Course driven(FusionHistory& history, const std::vector<Message>& messages) {
+  Course out;
+  bool alarm = false;
+  for (const Message& message : messages) {
+    std::visit([&](const auto& m) { (void)history.add(m); }, message);
+    for (const auto& made : history.made()) {
+      out.decisions.push_back(made);
+      alarm = made.decision.alarm;
+    }
+    if (!std::holds_alternative<Control>(message)) continue;
+    const EstimatorState& now = history.newest();
+    out.moments.push_back({now.stamp_s, now.car.mean.head<2>(),
+                           (now.car.mean.head<2>() - truthAt(now.stamp_s).p_m).norm(), alarm});
+  }
+  return out;
+}
+Course driven(double seconds, unsigned seed, const Fault& fault, double speed_error = 0) {
+  Random rnd(seed);
+  FusionHistory history = started();
+  return driven(history, drive(seconds, rnd, fault, speed_error));
+}
+
+TEST(FusionHistoryProperty, GoodSourcesKeepItWithinCentimetres) {
+  forAll(5, [](Random& rnd) {
+    FusionHistory history = started();
+    const Course r = driven(history, drive(20, rnd, none));
+    EXPECT_LT(r.rmse_m(1, 20), 0.05);
+    EXPECT_EQ(r.firstAlarm_s(0), std::nullopt);
+    for (const auto& record : history.newest().records) EXPECT_FALSE(record.left) << record.source;
+  });
+}
+
+TEST(FusionHistoryProperty, AnyOrderOfArrivalGivesTheBitsOfTheRightOrder) {
+  forAll(20, [](Random& rnd) {
+    const auto noise_at_times = [](TimedFix& fix, Random& r) {
+      if (fix.fix.source == "gps_left" && within(fix, 1, 1.5)) shake(fix, r, 5);
+      return true;
+    };
+    const auto in_order = drive(3, rnd, noise_at_times);
+    auto shuffled = in_order;
+    std::vector<double> arrival_s;
+    for (const auto& message : in_order) arrival_s.push_back(stampOf(message) + rnd.uniform(0, 0.45));
+    std::vector<std::size_t> order(in_order.size());
+    for (std::size_t i = 0; i < order.size(); ++i) order[i] = i;
+    std::stable_sort(order.begin(), order.end(), [&](auto a, auto b) { return arrival_s[a] < arrival_s[b]; });
+    for (std::size_t i = 0; i < order.size(); ++i) shuffled[i] = in_order[order[i]];
+
+    FusionHistory a = started(), b = started();
+    for (const auto& message : in_order)
+      EXPECT_EQ(std::visit([&](const auto& m) { return a.add(m); }, message), Arrival::taken);
+    for (const auto& message : shuffled)
+      EXPECT_EQ(std::visit([&](const auto& m) { return b.add(m); }, message), Arrival::taken);
+    EXPECT_EQ(a.newest().stamp_s, b.newest().stamp_s);
+    EXPECT_EQ(a.newest().car.mean, b.newest().car.mean);
+    EXPECT_EQ(a.newest().car.covariance, b.newest().car.covariance);
+    ASSERT_EQ(a.newest().records.size(), b.newest().records.size());
+    for (std::size_t k = 0; k < a.newest().records.size(); ++k) {
+      EXPECT_EQ(a.newest().records[k].mean_m, b.newest().records[k].mean_m);
+      EXPECT_EQ(a.newest().records[k].contradiction, b.newest().records[k].contradiction);
+    }
+  });
+}
+
+TEST(FusionHistory, WhatIsTooLateAheadRepeatedOrNoNumberIsNamed) {
+  FusionHistory history = started();
+  for (int i = 1; i <= 200; ++i) EXPECT_EQ(history.add(Control{0.01 * i, 70, 0}), Arrival::taken);
+  const PoseFix fix{"gps_left", {140, 0}, 0.01 * Eigen::Matrix2d::Identity()};
+  EXPECT_EQ(history.add(TimedFix{2.0, fix}), Arrival::taken);
+  EXPECT_EQ(history.add(TimedFix{2.0, fix}), Arrival::repeated);
+  EXPECT_EQ(history.add(TimedFix{0.9, fix}), Arrival::late);
+  EXPECT_EQ(history.add(TimedFix{3.1, fix}), Arrival::ahead);
+  EXPECT_EQ(history.add(Control{0.9, 70, 0}), Arrival::late);
+  EXPECT_EQ(history.add(Control{2.01, std::nan(""), 0}), Arrival::unsound);
+  for (const auto& spoil : std::vector<std::function<void(TimedFix&)>>{
+           [](TimedFix& t) { t.stamp_s = std::nan(""); }, [](TimedFix& t) { t.fix.p_map_m.x() = HUGE_VAL; },
+           [](TimedFix& t) { t.fix.cov_p_m2.setZero(); }, [](TimedFix& t) { t.fix.cov_p_m2(0, 0) = -1; },
+           [](TimedFix& t) { t.fix.heading = HeadingKind::body, t.fix.heading_sigma_rad = 0; }}) {
+    TimedFix bad{1.95, fix};
+    spoil(bad);
+    EXPECT_EQ(history.add(bad), Arrival::unsound);
+  }
+}
+
+TEST(FusionHistory, AStepOfOneReceiverMovesTheEstimateByCentimetres) {
+  const auto step = [](TimedFix& fix, Random&) {
+    if (fix.fix.source == "gps_left" && within(fix, 5, 10)) fix.fix.p_map_m += Eigen::Vector2d(12, -16);
+    return true;
+  };
+  const auto silent = [](TimedFix& fix, Random&) {
+    return fix.fix.source != "gps_left" || !within(fix, 5, 10);
+  };
+  for (const unsigned seed : {1U, 2U, 3U}) {
+    const Course without = driven(10, seed, silent), stepped = driven(10, seed, step);
+    for (std::size_t i = 0; i < without.moments.size(); ++i)
+      EXPECT_LT((stepped.moments[i].p_m - without.moments[i].p_m).norm(), 0.05);
+  }
+}
+
+TEST(FusionHistory, BothReceiversOffTogetherDoNotCarryItAway) {
+  for (const double off_m : {1.0, 3.0, 10.0}) {
+    const auto off = [&](TimedFix& fix, Random&) {
+      if (isGps(fix) && within(fix, 5, 10)) fix.fix.p_map_m += Eigen::Vector2d(0, off_m);
+      return true;
+    };
+    const Course r = driven(15, 1, off);
+    EXPECT_LT(r.worst_m(5, 15), 0.30) << off_m << " m";
+  }
+}
+
+TEST(FusionHistory, ASlowRampIsFoundWithinASecondOfLeaving) {
+  for (const unsigned seed : {1U, 2U, 3U}) {
+    const auto ramp = [](TimedFix& fix, Random&) {
+      if (fix.fix.source == "gps_right" && within(fix, 5, 20)) fix.fix.p_map_m.x() += 0.5 * (fix.stamp_s - 5);
+      return true;
+    };
+    const Course r = driven(15, seed, ramp);
+    std::optional<double> found_s;
+    for (const auto& d : r.decisions)
+      for (const auto& v : d.decision.sources)
+        if (v.left) {
+          EXPECT_EQ(v.source, "gps_right");
+          if (!found_s) found_s = d.stamp_s;
+        }
+    ASSERT_TRUE(found_s);
+    EXPECT_GT(*found_s, 5.5);
+    EXPECT_LT(*found_s, 7.0);  // it leaves 0.5 m at 6 s
+    EXPECT_LT(r.worst_m(5, 15), 0.30);
+  }
+}
+
+TEST(FusionHistory, NoiseOfOneSourceOrTwoHardlyShows) {
+  const std::vector<std::string> sources{"gps_left", "gps_right", "scan_match"};
+  for (const double sigma_m : {5.0, 10.0}) {
+    const double clean_m = driven(30, 1, none).rmse_m(3, 30);
+    for (std::size_t good = 0; good < 3; ++good) {
+      const auto bad_only = [&](TimedFix& fix, Random& rnd) {
+        if (fix.fix.source == sources[good] && fix.stamp_s > 3) shake(fix, rnd, sigma_m);
+        return true;
+      };
+      EXPECT_LT(driven(30, 1, bad_only).rmse_m(3, 30), 1.2 * clean_m + 0.005)
+          << sources[good] << " bad, " << sigma_m;
+      const auto good_only = [&](TimedFix& fix, Random& rnd) {
+        if (fix.fix.source != sources[good] && fix.stamp_s > 3) shake(fix, rnd, sigma_m);
+        return true;
+      };
+      EXPECT_LT(driven(30, 1, good_only).rmse_m(3, 30), 0.30) << sources[good] << " good, " << sigma_m;
+    }
+  }
+}
+
+TEST(FusionHistory, WhenAllAreBadItSaysSoDeadReckonsAndComesBackWithAPair) {
+  for (const unsigned seed : {1U, 2U, 3U, 4U, 5U}) {
+    const auto bad = [](TimedFix& fix, Random& rnd) {
+      if (within(fix, 5, 15)) shake(fix, rnd, 10);
+      if (fix.fix.source == "scan_match" && fix.stamp_s >= 15) return false;  // only the receivers return
+      return true;
+    };
+    const Course r = driven(20, seed, bad, 0.005);
+    const auto alarm_s = r.firstAlarm_s(5);
+    ASSERT_TRUE(alarm_s);
+    EXPECT_LT(*alarm_s, 5.1);
+    EXPECT_EQ(r.firstAlarm_s(0), alarm_s);
+    EXPECT_LT(r.worst_m(5, 15), 0.01 * kSpeed_mps * 10);
+    EXPECT_LT(r.worst_m(16, 20), 0.30);
+  }
+}
+
+TEST(FusionHistory, OneSourceAloneNeverMovesALostEstimate) {
+  const auto one_returns_elsewhere = [](TimedFix& fix, Random&) {
+    if (!within(fix, 5, 30)) return true;
+    if (fix.fix.source != "gps_left" || fix.stamp_s < 10) return false;
+    fix.fix.p_map_m.y() += 20;
+    return true;
+  };
+  const Course r = driven(20, 1, one_returns_elsewhere, 0.002);
+  EXPECT_LT(r.worst_m(5, 20), 0.01 * kSpeed_mps * 15);
+}
+
+TEST(FusionHistoryProperty, NothingLocksItOut) {
+  forAll(20, [](Random& rnd) {
+    FusionHistory history = started();
+    // The estimate is taken away by any distance, unseen by all sources; then two of them are back.
+    const double speed_error = rnd.uniform(-0.3, 0.3), back_s = rnd.uniform(3, 9);
+    const std::string gone = rnd.oneOf({"gps_left", "gps_right", "scan_match"});
+    const auto fault = [&](TimedFix& fix, Random&) {
+      return fix.stamp_s < 1 || (fix.stamp_s > back_s && fix.fix.source != gone);
+    };
+    auto messages = drive(12, rnd, fault);
+    for (auto& message : messages)
+      if (auto* control = std::get_if<Control>(&message);
+          control && control->stamp_s > 1 && control->stamp_s < back_s)
+        control->speed_mps *= 1 + speed_error;
+    const Course r = driven(history, messages);
+    EXPECT_LT(r.worst_m(back_s + 1, 12), 0.30);
+  });
+}
+
+}  // namespace
+}  // namespace raceloc
