@@ -14,7 +14,7 @@ void BM_TrackSurface(benchmark::State& state) {
   const Track track = readCircuit(RACELOC_ROOT "/share/tracks/monza_like.ini").track;
   const TrackSurface surface(test::surveyedTrack(track, TrackIdOptions{}.spacing_m), {});
   std::vector<Pose> lap;
-  for (double s_m = 0; s_m < track.length_m(); s_m += 0.7) lap.push_back(track.surface(s_m, 2).T_map_surface);
+  for (int k = 0; 0.7 * k < track.length_m(); ++k) lap.push_back(track.surface(0.7 * k, 2).T_map_surface);
   std::size_t k = 0;
   for (auto _ : state) {
     const Pose& T = lap[k];
