@@ -50,12 +50,14 @@ sanitized_tests() {  # only what is labelled `fast`
     ctest --test-dir "$sanitized" -j "$jobs" --timeout 900 --no-tests=error -L fast
 }
 
-threaded_tests() {  # what hands logs from thread to thread; TBB and Embree are not instrumented
+threaded_tests() {  # what hands logs and tiles from thread to thread; TBB and Embree are not instrumented
   local -x TSAN_OPTIONS=halt_on_error=1:suppressions=$PWD/tests/support/tsan.supp
   cmake -G Ninja -S . -B "$threads" -DCMAKE_BUILD_TYPE=Debug -DCMAKE_CXX_FLAGS_DEBUG=-O1 -DRACELOC_TESTS=ON \
     -DRACELOC_CUDA=OFF -DRACELOC_SANITIZE=thread &&
-    cmake --build "$threads" -j "$jobs" --target core_bounded_queue_unit_test sensors_unit_test &&
-    "$threads"/bin/core_bounded_queue_unit_test --gtest_brief=1 && "$threads"/bin/sensors_unit_test --gtest_brief=1
+    cmake --build "$threads" -j "$jobs" --target core_bounded_queue_unit_test sensors_unit_test \
+      map_unit_test &&
+    "$threads"/bin/core_bounded_queue_unit_test --gtest_brief=1 && "$threads"/bin/sensors_unit_test --gtest_brief=1 &&
+    "$threads"/bin/map_unit_test --gtest_brief=1 --gtest_filter='TileWindow*'
 }
 
 summary() {

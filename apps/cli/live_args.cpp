@@ -111,6 +111,9 @@ std::optional<LiveArgs> parseLiveArgs(int argc, char** argv) {
                                        false, "", "LABELS", cmd);
   TCLAP::ValueArg<double> after("", "disable-after", "but hear them for this long first [s]", false, 1.0,
                                 "SECONDS", cmd);
+  TCLAP::ValueArg<std::string> map_hash("", "map-hash",
+                                        "the map must have this content hash, or the run is refused", false,
+                                        "", "md5:...", cmd);
   TCLAP::SwitchArg odometry_only("", "odometry-only", "without a map: LIV odometry, to --trajectory", cmd);
   TCLAP::SwitchArg print_ini("", "print-ini", "print every key with its default and end", cmd);
   TCLAP::SwitchArg verbose("v", "verbose", "also print the options in force", cmd);
@@ -119,8 +122,8 @@ std::optional<LiveArgs> parseLiveArgs(int argc, char** argv) {
   if (!print_ini.getValue()) {
     if (!ini.isSet()) throw InputError("no options given: -c ini/live.ini (see --help)");
     if (odometry_only.getValue()) {
-      if (map.isSet() || out.isSet())
-        throw InputError("--odometry-only takes no map (-m) and writes no annotated log (-o)");
+      if (map.isSet() || map_hash.isSet() || out.isSet())
+        throw InputError("--odometry-only takes no map (-m, --map-hash) and writes no annotated log (-o)");
       if (!trajectory.isSet())
         throw InputError("--odometry-only needs --trajectory ODOMETRY.tum (see --help)");
     } else if (!map.isSet()) {
@@ -128,10 +131,11 @@ std::optional<LiveArgs> parseLiveArgs(int argc, char** argv) {
     }
     if (!log.isSet()) throw InputError("no log given: -i RACE.rawlog (see --help)");
   }
-  LiveArgs args{ini.getValue(),        map.getValue(),      log.getValue(), out.getValue(),
-                trajectory.getValue(), std::nullopt,        std::nullopt,   odometry_only.getValue(),
-                verbose.getValue(),    print_ini.getValue()};
+  LiveArgs args{ini.getValue(),           map.getValue(),     log.getValue(),      out.getValue(),
+                trajectory.getValue(),    std::nullopt,       std::nullopt,        std::nullopt,
+                odometry_only.getValue(), verbose.getValue(), print_ini.getValue()};
   if (disable.isSet()) args.disable_labels = disable.getValue();
+  if (map_hash.isSet()) args.map_hash = map_hash.getValue();
   if (after.isSet()) {
     if (!(after.getValue() >= 0)) throw InputError("--disable-after must be >= 0 s");
     args.disable_after_s = after.getValue();
@@ -147,6 +151,7 @@ void runLive(const LiveArgs& args) {
   ReplayOptions options = ReplayOptions::fromIni(args.ini_path);
   if (args.disable_labels) options.live.disable_labels = *args.disable_labels;
   if (args.disable_after_s) options.live.disable_after_s = *args.disable_after_s;
+  if (args.map_hash) options.live.map_hash = *args.map_hash;
   if (args.verbose) std::cout << options.iniText() << "\n";
   std::optional<OutputFile> probe;  // an output that cannot be written is told before the work, not after
   if (!args.trajectory_path.empty()) probe.emplace(args.trajectory_path);

@@ -12,6 +12,7 @@ struct LiveArgs {
   std::string ini_path, map_path, rawlog_path, output_path, trajectory_path;
   std::optional<std::string> disable_labels;
   std::optional<double> disable_after_s;
+  std::optional<std::string> map_hash;
   bool odometry_only, verbose, print_ini;
 };
 

@@ -10,9 +10,16 @@ VoxelMap::VoxelMap(Context& context, double voxel_size_m) {
   x_storage = std::make_unique<Storage>(voxel_size_m, context.implementation().mirror());
 }
 
+VoxelMap::VoxelMap(double voxel_size_m) {
+  requirePositive("voxel_size_m", voxel_size_m);
+  x_storage = std::make_unique<Storage>(voxel_size_m, nullptr);
+}
+
 VoxelMap::~VoxelMap() = default;
 VoxelMap::VoxelMap(VoxelMap&&) noexcept = default;
 VoxelMap& VoxelMap::operator=(VoxelMap&&) noexcept = default;
+
+void VoxelMap::bringTo(Context& context) { x_storage->bringTo(context.implementation().mirror()); }
 
 std::size_t VoxelMap::insert(const PointsView& points, const CovariancesView& covariances,
                              const Transform& T_map_points) {

@@ -11,8 +11,12 @@ namespace raceloc::gpu {
 
 class VoxelMap::Storage {
  public:
-  Storage(double voxel_size_m, std::unique_ptr<MapMirror> mirror)
-      : x_table(voxel_size_m), x_mirror(std::move(mirror)) {
+  Storage(double voxel_size_m, std::unique_ptr<MapMirror> mirror) : x_table(voxel_size_m) {
+    bringTo(std::move(mirror));
+  }
+
+  void bringTo(std::unique_ptr<MapMirror> mirror) {
+    x_mirror = std::move(mirror);
     upload();
   }
 

@@ -46,6 +46,26 @@ void expectSame(const VoxelGaussians& actual, const std::map<VoxelIndex, Sums>& 
   }
 }
 
+TEST_P(Map, ServesTheDeviceItIsBroughtTo) {
+  const Points p = randomCloud(1, 5000, 10);
+  const Covariances C = randomCovariances(1, p.size());
+  const Transform T = pose({0, 0, 0.1}, {1, 0, 0});
+  VoxelMap made_there(context(), 0.8), brought(0.8);
+  for (VoxelMap* map : {&made_there, &brought}) map->insert(p.view(), C.view(), T);
+  brought.bringTo(context());
+  const auto expectSameMaps = [&] {
+    const auto here = linearize(context(), p.view(), C.view(), brought, T, {});
+    const auto there = linearize(context(), p.view(), C.view(), made_there, T, {});
+    EXPECT_GT(here.pairs, 0);
+    EXPECT_EQ(here.cost, there.cost);
+    EXPECT_EQ(here.pairs, there.pairs);
+  };
+  expectSameMaps();
+  for (VoxelMap* map : {&made_there, &brought}) map->insert(p.view(), C.view(), {});  // it grows there, too
+  expectSameMaps();
+  EXPECT_THROW(VoxelMap(0.0), std::invalid_argument);
+}
+
 TEST_P(Map, FillsOnlyVoxelsThatWereEmpty) {
   VoxelMap map(context(), 0.8);
   std::map<VoxelIndex, Sums> expected;

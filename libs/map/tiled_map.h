@@ -46,6 +46,16 @@ class TiledMap {
   std::map<std::pair<int, int>, Tile> x_tiles;
 };
 
+using TileIndex = std::pair<int, int>;  ///< (ix, iy) of a tile
+
+/** From a place to the nearest point of a tile's square [m]; 0 within it. */
+[[nodiscard]] inline double distanceToTile(const TileIndex& tile, double tile_size_m,
+                                           const Eigen::Vector2d& p_map_m) {
+  const Eigen::Array2d from_corner_m =
+      p_map_m.array() - Eigen::Array2d(tile.first, tile.second) * tile_size_m;
+  return (from_corner_m - from_corner_m.max(0.0).min(tile_size_m)).matrix().norm();
+}
+
 /** South-west corner of a tile: the tile frame's origin in the map frame [m]. */
 [[nodiscard]] inline Eigen::Vector3d tileCorner(const Tile& tile, double tile_size_m) {
   return {tile.ix * tile_size_m, tile.iy * tile_size_m, 0};

@@ -318,6 +318,7 @@ LocalizerOutput Localizer::output() {
   covariance.block<1, 2>(2, 3) = cross.transpose();
   FaultCounts faults = x_queue.takeFaults(x_stamp_s);
   for (const std::string& fault : x_history.faults()) ++faults[fault];
+  for (const std::string& fault : x_window.takeFaults()) ++faults[fault];
   return {x_stamp_s, T, covariance, x_by_wheels, std::move(faults), {}, std::nullopt, std::nullopt, {}};
 }
 

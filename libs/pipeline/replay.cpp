@@ -11,6 +11,7 @@
 #include "pipeline/annotated_log.h"
 #include "pipeline/device_watch.h"
 #include "pipeline/log_faults.h"
+#include "pipeline/map_check.h"
 
 namespace raceloc {
 
@@ -19,6 +20,9 @@ void LiveOptions::describe(OptionList& keys) {
   keys.add("disable_after_s", disable_after_s, atLeast(0), "they are heard this long before [s]");
   keys.add("output_gzip_level", output_gzip_level, between(0, 9),
            "compression of the annotated rawlog: 0 costs no time, 1 half the space and 40 ms a sweep");
+  keys.add("map_hash", map_hash, "the map must have this content hash, md5:...; empty: any");
+  keys.add("map_reach_m", map_reach_m, above(0),
+           "first fixes that are all farther than this from the map's tiles are of another place [m]");
 }
 
 ReplayOptions ReplayOptions::fromIni(const std::string& path) {
@@ -41,13 +45,6 @@ std::string ReplayOptions::iniText() const {
 }
 
 namespace {
-
-GeodeticPoint originOf(const MapFile& map, const std::string& path) {
-  if (!map.info().origin)
-    throw InputError("map " + path +
-                     ": has no georeference (it was made from a log without GPS); map a log with GPS");
-  return *map.info().origin;
-}
 
 std::vector<std::string> sourcesOf(const LogSummary& summary, const std::string& gps_labels) {
   std::vector<std::string> sources{"scan_match"};
@@ -110,7 +107,9 @@ ReplayReport replay(const std::string& log_path, const std::string& map_path, co
   using Clock = std::chrono::steady_clock;
   const LogOptions& log = options.localizer.matching.log;
   const MapFile map(map_path);
-  const GeodeticPoint origin = originOf(map, map_path);
+  requireHash(map, map_path, options.live.map_hash);
+  const GeodeticPoint origin = requireOrigin(map, map_path);
+  PlaceCheck place(map, map_path, options.live.map_reach_m);
   const LogSummary summary = summarizeRawlog(log_path);
   requireDevices(summary, log);
   requireDevice(summary, "gps", log.gps_labels);
@@ -149,6 +148,7 @@ ReplayReport replay(const std::string& log_path, const std::string& map_path, co
       ++report.disabled_samples;
       continue;
     }
+    if (const auto* fix = std::get_if<GpsFix>(&*sample)) place.add(*fix);
     if (annotated) annotated->write(*sample);
     watch.at(stampOf(*sample));
     const auto before = Clock::now();

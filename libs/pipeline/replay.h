@@ -16,6 +16,8 @@ struct LiveOptions {
   std::string disable_labels;
   double disable_after_s = 1.0;
   int output_gzip_level = 0;
+  std::string map_hash;
+  double map_reach_m = 1000;
   void describe(OptionList& keys);
 };
 
@@ -43,8 +45,9 @@ struct ReplayReport {
 
 /** Runs a log through the localizer, in order of its stamps, as fast as it goes.
  * \param output_path  annotated rawlog, see AnnotatedLog; empty: none
- * \throws InputError for a log or map that cannot be read, a map without georeference, a log without a LiDAR
- * of the configured label, without a GPS to start from, or one in which no start was found. */
+ * \throws InputError for a log or map that cannot be read, a map without georeference, of another hash or of another
+ * place (see map_check.h), a log without a LiDAR of the configured label, without a GPS to start from, or one in which
+ * no start was found. */
 [[nodiscard]] ReplayReport replay(const std::string& log_path, const std::string& map_path,
                                   const std::string& output_path, const ReplayOptions& options,
                                   const std::function<void(double)>& progress);

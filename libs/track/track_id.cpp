@@ -55,13 +55,25 @@ TrackIds::TrackIds(std::vector<WayPoint> way_points, const TrackIdOptions& optio
 }
 
 std::optional<int> TrackIds::idAt(const Pose& T_map_body) const {
-  const Eigen::Vector3d p_map_m = T_map_body.translation();
-  const double heading_rad = yawOf(T_map_body);
+  return nearest(T_map_body.translation(), yawOf(T_map_body), true);
+}
+
+std::optional<int> TrackIds::idAt(const Eigen::Vector3d& p_map_m, double heading_rad) const {
+  return nearest(p_map_m, heading_rad, true);
+}
+
+std::optional<int> TrackIds::idAt(const Eigen::Vector2d& p_map_m, double heading_rad) const {
+  return nearest({p_map_m.x(), p_map_m.y(), 0}, heading_rad, false);
+}
+
+std::optional<int> TrackIds::nearest(const Eigen::Vector3d& p_map_m, double heading_rad,
+                                     bool by_height) const {
   std::optional<int> best;
   double best_m2 = std::numeric_limits<double>::infinity();
   for (const std::size_t i : x_cells.near(p_map_m)) {
     const WayPoint& way_point = x_way_points[i];
-    const Eigen::Vector3d away_m = p_map_m - way_point.p_map_m;
+    Eigen::Vector3d away_m = p_map_m - way_point.p_map_m;
+    if (!by_height) away_m.z() = 0;
     if (away_m.squaredNorm() >= best_m2 || away_m.head<2>().norm() > x_reach_m ||
         !(std::abs(wrapAngle(heading_rad - way_point.heading_rad)) <= x_max_turn_rad))
       continue;

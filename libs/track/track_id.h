@@ -50,11 +50,17 @@ class TrackIds {
 
   /** 0 .. N-1; none away from the line, against its direction, or for a pose that is not finite. */
   [[nodiscard]] std::optional<int> idAt(const Pose& T_map_body) const;
+  [[nodiscard]] std::optional<int> idAt(const Eigen::Vector3d& p_map_m, double heading_rad) const;
+  /** The same where the height is not known: the way-point that is nearest in the plane. */
+  [[nodiscard]] std::optional<int> idAt(const Eigen::Vector2d& p_map_m, double heading_rad) const;
 
   [[nodiscard]] const std::vector<WayPoint>& wayPoints() const { return x_way_points; }
   [[nodiscard]] int count() const { return static_cast<int>(x_way_points.size()); }
 
  private:
+  [[nodiscard]] std::optional<int> nearest(const Eigen::Vector3d& p_map_m, double heading_rad,
+                                           bool by_height) const;
+
   std::vector<WayPoint> x_way_points;
   double x_reach_m, x_max_turn_rad;
   PlanarCells x_cells;

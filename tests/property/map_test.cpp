@@ -219,6 +219,45 @@ TEST(MapFileProperty, HashDoesNotDependOnTheOrderOfSeparateTiles) {
   });
 }
 
+TEST(TileWindowProperty, HasTheSameBitsHoweverLongTheOtherThreadTakes) {
+  forAll(5, [&](Random& rnd) {
+    const Sample sample = randomSample(rnd, 4000, 150, false);
+    TiledMap map(16);
+    map.insert(sample.cloud, sample.covariances.view());
+    const ScratchFile scratch;
+    saveMap(scratch.path(), map, {infoOf(map, rnd), {}});
+    std::vector<Eigen::Vector2d> positions{rnd.vectorWithin(100).head<2>()};
+    double heading_rad = rnd.uniform(-3, 3);
+    for (int i = 0; i < 150; ++i) {
+      heading_rad += rnd.normal(0.2);
+      const double step_m = rnd.uniform(0, 1) < 0.02 ? 60 : rnd.uniform(0, 9);  // jumps belong to the law
+      positions.emplace_back(positions.back() +
+                             step_m * Eigen::Vector2d(std::cos(heading_rad), std::sin(heading_rad)));
+    }
+    /** The targets that came into use, by the number of the call. */
+    using Targets =
+        std::map<std::size_t, std::tuple<std::vector<float>, std::vector<float>, std::vector<int>>>;
+    const auto targets = [&](int idle_rounds) {
+      const MapFile file(scratch.path());
+      gpu::Context context(gpu::Backend::cpu);
+      TileWindow window(context, file, 1, 25);
+      Targets found;
+      for (std::size_t i = 0; i < positions.size(); ++i) {
+        const std::size_t before = window.rebuilds();
+        window.moveTo(positions[i]);
+        for (int k = 0; k < idle_rounds; ++k) static_cast<void>(window.target().contents());
+        if (window.rebuilds() == before) continue;
+        gpu::VoxelGaussians held = window.target().contents();
+        found[i] = {held.mean.x, held.covariance.yz, held.covariance.neighbours};
+      }
+      return found;
+    };
+    const Targets in_a_hurry = targets(0);
+    EXPECT_GT(in_a_hurry.size(), 5U);
+    EXPECT_EQ(targets(20), in_a_hurry);
+  });
+}
+
 TEST(TileWindowProperty, CoversTheRadiusAndRebuildsAtMostOnceInHalfATile) {
   const double tile_size_m = 16, radius_m = 25, step_m = 1.7;
   forAll(10, [&](Random& rnd) {

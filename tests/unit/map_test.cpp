@@ -81,6 +81,22 @@ class MapFileTest : public ::testing::Test {
     return static_cast<std::size_t>(std::distance(begin(entries), end(entries)));
   }
 
+  /** Saves the map with tile (-1, 1) damaged. */
+  void saveDamaged() {
+    Sample marked;  // four heights in a row that the file holds nowhere else
+    for (int i = 0; i < 4; ++i) push(marked, {-1, 33, 77 + 0.125F * static_cast<float>(i)});
+    TiledMap map = map_;
+    map.insert(marked.cloud, marked.covariances.view());
+    saveMap(path_, map, {content_.info, {}});
+    std::string heights(4 * sizeof(float), '\0');
+    std::memcpy(heights.data(), marked.cloud.z.data(), heights.size());
+    std::string bytes = bytesOf(path_);
+    const std::size_t at = bytes.find(heights);
+    ASSERT_NE(at, std::string::npos);
+    bytes[at] ^= 1;
+    write(path_, bytes);
+  }
+
   std::filesystem::path folder_;
   std::string path_;
   TiledMap map_ = groundMap(32, 64, 2);
@@ -336,19 +352,7 @@ TEST_F(MapFileTest, SaysThatTheFileIsCutShort) {
 }
 
 TEST_F(MapFileTest, NamesTheDamagedTileAndServesTheOthers) {
-  Sample marked;  // four heights in a row that the file holds nowhere else
-  for (int i = 0; i < 4; ++i) push(marked, {-1, 33, 77 + 0.125F * static_cast<float>(i)});
-  TiledMap map = map_;
-  map.insert(marked.cloud, marked.covariances.view());
-  saveMap(path_, map, {content_.info, {}});
-  std::string heights(4 * sizeof(float), '\0');
-  std::memcpy(heights.data(), marked.cloud.z.data(), heights.size());
-  std::string bytes = bytesOf(path_);
-  const std::size_t at = bytes.find(heights);
-  ASSERT_NE(at, std::string::npos);
-  bytes[at] ^= 1;
-  write(path_, bytes);
-
+  saveDamaged();
   const MapFile file(path_);
   const std::string expected = path_ + ": damaged: tile (-1, 1) does not fit its checksum";
   EXPECT_THAT(errorOf([&] { static_cast<void>(file.tile(-1, 1)); }), HasSubstr(expected));
@@ -443,10 +447,10 @@ class TileWindowTest : public MapFileTest {
 
 TEST_F(TileWindowTest, HoldsTheTilesAroundTheCarInTheMapFrame) {
   const MapFile file(path_);
-  TileWindow window(context_, file, 1, 20);
+  TileWindow window(context_, file, 1, 12);
   EXPECT_EQ(window.target().size(), 0U);
   EXPECT_TRUE(
-      window.moveTo({-48, -48}));  // the middle of tile (-2, -2): 16 m to its neighbours, all within reach
+      window.moveTo({-48, -48}));  // the middle of tile (-2, -2): 16 m to its neighbours, 48 m to the next
   EXPECT_EQ(window.residentTiles(), 4U);
   const gpu::VoxelGaussians held = window.target().contents();
   EXPECT_EQ(held.size(), 4U * 16 * 16);  // a point every 2 m, voxels of 1 m
@@ -481,6 +485,47 @@ TEST_F(TileWindowTest, DoesNotFlipAtABorder) {
   for (int i = 0; i < 100; ++i)
     window.moveTo({12 + (i % 2 == 0 ? 7.5 : -7.5), 16});  // tiles end at 32 and at 0
   EXPECT_EQ(window.rebuilds(), before);
+}
+
+TEST_F(TileWindowTest, ChangesWhereThePositionsSayAndNowhereElse) {
+  const MapFile file(path_);
+  TileWindow window(context_, file, 1, 12);
+  const auto rebuildsAt = [&](double x_m) {
+    window.moveTo({x_m, 0});
+    return window.rebuilds();
+  };
+  // Asked for at half a tile from the centre, in use half a tile later, where its own centre is.
+  for (const double x_m : {-48, -44, -40, -36, -32, -28, -24, -20}) EXPECT_EQ(rebuildsAt(x_m), 1U) << x_m;
+  for (const double x_m : {-16, -12, -8, -4, 0, 4, 8, 12}) EXPECT_EQ(rebuildsAt(x_m), 2U) << x_m;
+  EXPECT_EQ(rebuildsAt(16), 3U);
+  for (const double x_m : {20, 24, 28, 32, 36, 40}) EXPECT_EQ(rebuildsAt(x_m), 3U) << x_m;
+  const std::size_t waits = window.waits();
+  EXPECT_GE(waits, 1U);  // the first; more if this machine is slow
+  // A jump: what was asked for at 32 is dropped, and one about the car is built within the call.
+  EXPECT_TRUE(window.moveTo({-48, -48}));
+  EXPECT_EQ(window.rebuilds(), 5U);
+  EXPECT_GE(window.waits(), waits + 1);
+  EXPECT_EQ(window.residentTiles(), 4U);
+}
+
+TEST_F(TileWindowTest, GoesOnWithoutADamagedTileAndNamesItOnce) {
+  saveDamaged();  // tile (-1, 1)
+  const MapFile file(path_);
+  TileWindow window(context_, file, 1, 12);
+  EXPECT_TRUE(window.moveTo({-48, -48}));
+  EXPECT_THAT(window.takeFaults(), ::testing::IsEmpty());
+  EXPECT_FALSE(window.isDegraded());
+  EXPECT_TRUE(window.moveTo({-1, 20}));  // 12 m from it
+  EXPECT_THAT(window.takeFaults(),
+              ::testing::ElementsAre(HasSubstr("damaged: tile (-1, 1) does not fit its checksum")));
+  EXPECT_TRUE(window.isDegraded());
+  EXPECT_EQ(window.residentTiles(), 11U);  // of the twelve within 44 m
+  EXPECT_TRUE(window.moveTo({-1, 19}));
+  EXPECT_FALSE(window.isDegraded());
+  EXPECT_FALSE(window.moveTo({500, 0}));
+  EXPECT_FALSE(window.moveTo({-16, 48}));  // in its middle: no other is within 12 m
+  EXPECT_TRUE(window.isDegraded());
+  EXPECT_THAT(window.takeFaults(), ::testing::IsEmpty());
 }
 
 }  // namespace

@@ -19,15 +19,21 @@ struct VoxelGaussians {
 };
 
 /** Grows by insert() and fill(), shrinks by keepWithin() and keepNewest(); reading it never changes it, so many
- * threads may. It serves the contexts of the device it was made with (linearize() throws std::invalid_argument for a
- * CUDA context with another's map). */
+ * threads may. It serves the contexts of the device it was made with or brought to (linearize() throws
+ * std::invalid_argument for a CUDA context with another's map). */
 class VoxelMap {
  public:
   /** \throws std::invalid_argument if voxel_size_m is not > 0. */
   VoxelMap(Context& context, double voxel_size_m);
+  /** One of the host's memory alone, which serves CPU contexts: no context is busy while it grows, so that another
+   * thread can make it. \throws std::invalid_argument if voxel_size_m is not > 0. */
+  explicit VoxelMap(double voxel_size_m);
   ~VoxelMap();
   VoxelMap(VoxelMap&&) noexcept;
   VoxelMap& operator=(VoxelMap&&) noexcept;
+
+  /** Takes it to the context's device, where it then grows too; contents do not change. */
+  void bringTo(Context& context);
 
   /** Merges points (moved by T_map_points, their covariances turned with them): a voxel's mean and covariance
    * are the averages over all points it ever took, in order of insertion. Points beyond 2^20 voxels or not
