@@ -41,8 +41,8 @@ EXIT STATUS
 
 void print(const ReplayReport& r) {
   std::printf("device           %s\n", r.device_reason.c_str());
-  std::printf("recording        %.1f s; %zu outputs (%zu by dead reckoning alone), %zu tile loads\n",
-              r.recorded_s, r.outputs, r.dead_reckoned, r.tile_loads);
+  std::printf("recording        %.1f s; %zu outputs, %zu tile loads\n", r.recorded_s, r.outputs,
+              r.tile_loads);
   if (r.start->by_match)
     std::printf("start            after %.2f s: scan match %.2f m from the fix of %s\n",
                 r.start->stamp_s - r.first_s, r.start->match_to_fix_m, r.start->receiver.c_str());
@@ -68,6 +68,12 @@ void print(const ReplayReport& r) {
       "%zu "
       "alarms\n",
       r.rule_counts[1], r.rule_counts[2], r.rule_counts[3], r.rule_counts[4], r.alarms);
+  std::printf(
+      "state            ok %zu, degraded %zu, dead reckoning %zu, lost %zu outputs; %zu resets by two "
+      "sources, %zu searches\n",
+      r.state_counts[0], r.state_counts[1], r.state_counts[2], r.state_counts[3], r.resets, r.searches);
+  for (const auto& [cause, times] : r.causes)
+    std::printf("NOT OK           %zu outputs: %s\n", times, cause.c_str());
   std::printf("scan to pose     %.1f ms median, %.1f ms p99\n", 1e3 * r.match_median_s, 1e3 * r.match_p99_s);
 }
 

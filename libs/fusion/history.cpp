@@ -131,7 +131,7 @@ Arrival FusionHistory::add(const TimedFix& timed) {
   x_made.clear();
   if (!sound(timed)) return Arrival::unsound;
   const double newest_s = x_controls.back().stamp_s;
-  if (timed.stamp_s <= newest_s - x_options.lag_s || timed.stamp_s <= x_base.stamp_s) return Arrival::late;
+  if (timed.stamp_s <= newest_s - x_options.lag_s || timed.stamp_s < x_base.stamp_s) return Arrival::late;
   if (timed.stamp_s > newest_s + x_options.lag_s) return Arrival::ahead;
 
   const auto key = [](const TimedFix& t) { return std::tie(t.stamp_s, t.fix.source); };

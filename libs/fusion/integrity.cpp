@@ -1,5 +1,11 @@
 #include "fusion/integrity.h"
 
+#include <Eigen/Geometry>
+#include <algorithm>
+#include <cmath>
+
+#include "fusion/chi_square.h"
+
 namespace raceloc {
 
 const char* nameOf(LocalizationState state) {
@@ -14,6 +20,67 @@ const char* nameOf(LocalizationState state) {
       return "lost";
   }
   return "lost";
+}
+
+void IntegrityOptions::describe(OptionList& keys) {
+  keys.add("protection_sigmas", protection_sigmas, between(1, 10), "protection levels are this many sigmas");
+  keys.add("confirm_every_s", confirm_every_s, above(0),
+           "when no source has confirmed the estimate for this long, it is dead reckoning [s]");
+  keys.add("silent_after_s", silent_after_s, above(0), "a source without a fix for this long is missing [s]");
+  keys.add("half_width_m", half_width_m, above(0), "from the car's middle to its side [m]");
+  keys.add("alert_limit_m", alert_limit_m, above(0), "lateral alert limit where the map knows no wall [m]");
+}
+
+Integrity assess(const EstimatorState& state, std::optional<double> gap_m,
+                 const ReliabilityOptions& reliability, const IntegrityOptions& options) {
+  const Eigen::Matrix2d R_body_map = Eigen::Rotation2Dd(-state.car.mean(2)).toRotationMatrix();
+  const Eigen::Matrix2d P = R_body_map * state.car.covariance.topLeftCorner<2, 2>() * R_body_map.transpose();
+  Eigen::Vector2d bias_m = Eigen::Vector2d::Zero();
+  int confirming = 0;
+  for (const SourceRecord& record : state.records) {
+    if (!record.confirms || record.left || state.stamp_s - record.stamp_s > options.silent_after_s) continue;
+    ++confirming;
+    bias_m = bias_m.cwiseMax((R_body_map * record.mean_m).cwiseAbs());
+  }
+
+  Integrity out;
+  out.protection = {options.protection_sigmas * std::sqrt(P(1, 1)) + bias_m.y(),
+                    options.protection_sigmas * std::sqrt(P(0, 0)) + bias_m.x(),
+                    options.protection_sigmas * std::sqrt(state.car.covariance(2, 2))};
+  out.alert_limit_m = gap_m ? std::max(0.0, *gap_m - options.half_width_m) : options.alert_limit_m;
+  const auto say = [&](LocalizationState what, std::string cause, double measured, double limit) {
+    out.state = what;
+    out.cause = std::move(cause);
+    out.measured = measured;
+    out.limit = limit;
+    return out;
+  };
+
+  if (out.protection.lateral_m > out.alert_limit_m)
+    return say(LocalizationState::lost, "lateral error may exceed the alert limit [m]",
+               out.protection.lateral_m, out.alert_limit_m);
+  const double alone_s = state.stamp_s - state.confirmed_s;
+  if (alone_s > options.confirm_every_s)
+    return say(LocalizationState::dead_reckoning, "no source confirms it [s]", alone_s,
+               options.confirm_every_s);
+  for (const SourceRecord& record : state.records) {
+    const double silent_s = state.stamp_s - record.stamp_s;
+    if (silent_s > options.silent_after_s)
+      return say(LocalizationState::degraded, record.source + " is silent [s]", silent_s,
+                 options.silent_after_s);
+    if (record.left)
+      return say(LocalizationState::degraded, record.source + " left the others [m]", record.mean_m.norm(),
+                 reliability.separation_m);
+    if (!scattersAsClaimed(record))
+      return say(LocalizationState::degraded, record.source + " scatters beyond its claim [times]",
+                 record.scatter, kMostScatter);
+    if (!record.confirms)
+      return say(LocalizationState::degraded, record.source + " contradicts the estimate [NIS]",
+                 2 * record.contradiction, chiSquareLimit(reliability.confirm_false_alarm, 2));
+  }
+  if (confirming < 2)
+    return say(LocalizationState::degraded, "fewer than two sources confirm it", confirming, 2);
+  return say(LocalizationState::ok, "", 0, 0);
 }
 
 }  // namespace raceloc

@@ -2,17 +2,31 @@
  * What the estimate is worth at an instant. */
 #pragma once
 
+#include <optional>
 #include <string>
+
+#include "core/options.h"
+#include "fusion/estimator.h"
 
 namespace raceloc {
 
 enum class LocalizationState {
-  ok,              ///< at least two independent sources agree with the estimate
-  degraded,        ///< it is held, by fewer sources than there should be or against one that contradicts it
+  ok,              ///< two sources or more confirm it, and none is missing or contradicts it
+  degraded,        ///< it is held, but a source is missing, leaves the others or contradicts it
   dead_reckoning,  ///< by the car's own motion alone
   lost,            ///< not started, or its error may be larger than the alert limit
 };
 [[nodiscard]] const char* nameOf(LocalizationState state);
+
+/** Section [integrity]. */
+struct IntegrityOptions {
+  double protection_sigmas = 5;
+  double confirm_every_s = 0.2;
+  double silent_after_s = 0.5;
+  double half_width_m = 1;
+  double alert_limit_m = 3;
+  void describe(OptionList& keys);
+};
 
 /** Bounds of the error, in the car's axes. */
 struct ProtectionLevels {
@@ -22,11 +36,16 @@ struct ProtectionLevels {
 /** One state with the cause that decided it; `cause` is empty when the state is `ok`. */
 struct Integrity {
   LocalizationState state = LocalizationState::lost;
-  std::string cause = "not started";  ///< e.g. `gps_left: leaves the others`, `no source`
+  std::string cause = "not started";  ///< e.g. `gps_left left the others`
   double measured = 0;                ///< what was compared ...
   double limit = 0;  ///< ... and with what, in one unit; both 0 for causes that are not measured
   ProtectionLevels protection{};
   double alert_limit_m = 0;  ///< lateral: the gap from the car's side to the nearest wall
 };
+
+/** Bounds: so many sigmas of the filter's covariance, and what sources that confirm the estimate are off from it in the
+ * mean. \param gap_m  from the car's middle to the nearest wall; none: it is not known, and alert_limit_m stands */
+[[nodiscard]] Integrity assess(const EstimatorState& state, std::optional<double> gap_m,
+                               const ReliabilityOptions& reliability, const IntegrityOptions& options);
 
 }  // namespace raceloc

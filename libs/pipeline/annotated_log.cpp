@@ -26,12 +26,15 @@ std::string headerText(const std::vector<std::string>& sources) {
       "[gate]\ncolumns = rule alarm, then of each source delta limit p_theta weight accepted\n";
   for (std::size_t i = 0; i < sources.size(); ++i)
     text += "source_" + std::to_string(i) + " = " + sources[i] + "\n";
+  text +=
+      "[integrity]\ncolumns = state (0 ok, 1 degraded, 2 dead reckoning, 3 lost) measured limit"
+      " lateral_m longitudinal_m heading_rad alert_limit_m\n";
   return text;
 }
 
 const SourceVerdict* verdictOn(const LocalizerOutput& output, const std::string& source) {
   if (!output.decision) return nullptr;
-  const auto& verdicts = output.decision->sources;
+  const auto& verdicts = output.decision->decision.sources;
   const auto found = std::find_if(verdicts.begin(), verdicts.end(),
                                   [&](const SourceVerdict& v) { return v.source == source; });
   return found == verdicts.end() ? nullptr : &*found;
@@ -41,9 +44,9 @@ mrpt::obs::CObservationRawDAQ gateNumbers(const LocalizerOutput& output,
                                           const std::vector<std::string>& sources) {
   mrpt::obs::CObservationRawDAQ daq;
   daq.sensorLabel = "gate";
-  daq.timestamp = toMrptStamp(output.stamp_s);
-  daq.AIN_double = {output.decision ? static_cast<double>(output.decision->rule) : 0.0,
-                    output.decision && output.decision->alarm ? 1.0 : 0.0};
+  daq.timestamp = toMrptStamp(output.decision->stamp_s);
+  daq.AIN_double = {static_cast<double>(output.decision->decision.rule),
+                    output.decision->decision.alarm ? 1.0 : 0.0};
   for (const auto& source : sources)
     if (const SourceVerdict* v = verdictOn(output, source))
       daq.AIN_double.insert(daq.AIN_double.end(),
@@ -54,24 +57,43 @@ mrpt::obs::CObservationRawDAQ gateNumbers(const LocalizerOutput& output,
   return daq;
 }
 
+mrpt::obs::CObservationRawDAQ integrityNumbers(const LocalizerOutput& output) {
+  const Integrity& integrity = output.integrity;
+  mrpt::obs::CObservationRawDAQ daq;
+  daq.sensorLabel = "integrity";
+  daq.timestamp = toMrptStamp(output.stamp_s);
+  daq.AIN_double = {static_cast<double>(integrity.state),
+                    integrity.measured,
+                    integrity.limit,
+                    integrity.protection.lateral_m,
+                    integrity.protection.longitudinal_m,
+                    integrity.protection.heading_rad,
+                    integrity.alert_limit_m};
+  daq.AIN_channel_count = static_cast<std::uint16_t>(daq.AIN_double.size());
+  return daq;
+}
+
 /** "gps_left REJECTED 8.3 > 5.0". */
 std::string verdictText(const SourceVerdict& v) {
   char text[160];
   if (v.accepted)
     std::snprintf(text, sizeof text, "%s ok %.2f, weight %.2f", v.source.c_str(), v.delta, v.weight);
   else
-    std::snprintf(text, sizeof text, "%s REJECTED %.1f > %.1f", v.source.c_str(), v.delta, v.limit);
+    std::snprintf(text, sizeof text, "%s %s %.1f > %.1f", v.source.c_str(),
+                  v.left ? "LEFT THE OTHERS" : "REJECTED", v.delta, v.limit);
   return text;
 }
 
-/** Axes as in the map, origin at the car: viewers look at the origin, and there the car stays. */
+/** At the end of the sweep. Axes as in the map, origin at the car: viewers look at the origin, and there the car stays.
+ */
 mrpt::obs::CObservation3DScene scene(const LocalizerOutput& output) {
   using namespace mrpt::opengl;
-  const Eigen::Translation3d to_car(-output.T_map_body.translation());
+  const ScanMatch& m = *output.scan_match;
+  const Eigen::Translation3d to_car(-m.T_map_body.translation());
   mrpt::obs::CObservation3DScene observation;
-  observation.timestamp = toMrptStamp(output.stamp_s);
+  observation.timestamp = toMrptStamp(m.stamp_s);
   observation.scene = COpenGLScene::Create();
-  const mrpt::poses::CPose3D T_scene_body = toMrpt(to_car * output.T_map_body);
+  const mrpt::poses::CPose3D T_scene_body = toMrpt(to_car * m.T_map_body);
 
   auto car = CBox::Create(mrpt::math::TPoint3D(-1, -0.9, 0), mrpt::math::TPoint3D(3.8, 0.9, 1.2));
   car->setPose(T_scene_body);
@@ -81,19 +103,17 @@ mrpt::obs::CObservation3DScene scene(const LocalizerOutput& output) {
   axes->setPose(T_scene_body);
   observation.scene->insert(axes);
 
-  if (output.scan_match) {
-    auto cloud = CPointCloud::Create();
-    const Cloud& scan = output.scan_match->scan_body;
-    cloud->setAllPoints(scan.x, scan.y, scan.z);
-    cloud->setPointSize(2);
-    const ScanMatch& m = *output.scan_match;
-    cloud->setPose(toMrpt(to_car * (m.trusted ? m.match.T_target_source : output.T_map_body)));
-    cloud->setGradientColors({0.2F, 0.5F, 1.0F}, {1.0F, 0.9F, 0.2F});
-    cloud->enableColorFromZ();
-    observation.scene->insert(cloud);
-  }
+  auto cloud = CPointCloud::Create();
+  cloud->setAllPoints(m.scan_body.x, m.scan_body.y, m.scan_body.z);
+  cloud->setPointSize(2);
+  cloud->setPose(toMrpt(to_car * (m.trusted ? m.match.T_target_source : m.T_map_body)));
+  cloud->setGradientColors({0.2F, 0.5F, 1.0F}, {1.0F, 0.9F, 0.2F});
+  cloud->enableColorFromZ();
+  observation.scene->insert(cloud);
+
   double line_m = 4.0;
-  for (const auto& fix : output.fixes) {
+  if (!output.decision) return observation;
+  for (const auto& fix : output.decision->fixes) {
     const SourceVerdict* verdict = verdictOn(output, fix.source);
     const bool accepted = verdict && verdict->accepted;
     const mrpt::img::TColor color =
@@ -101,7 +121,7 @@ mrpt::obs::CObservation3DScene scene(const LocalizerOutput& output) {
     auto ellipse = CEllipsoid2D::Create();
     ellipse->setCovMatrix(mrpt::math::CMatrixDouble22(fix.cov_p_m2));
     ellipse->setQuantiles(3.0F);
-    const Eigen::Vector2d p_m = fix.p_map_m - output.T_map_body.translation().head<2>();
+    const Eigen::Vector2d p_m = fix.p_map_m - m.T_map_body.translation().head<2>();
     ellipse->setLocation(p_m.x(), p_m.y(), 0);
     ellipse->setColor_u8(color);
     observation.scene->insert(ellipse);
@@ -136,7 +156,8 @@ void AnnotatedLog::write(const LocalizerOutput& output) {
   x_writer.write(odometry);
 
   x_writer.writePose(output.stamp_s, "estimate_pose", output.T_map_body, output.covariance);
-  x_writer.write(gateNumbers(output, x_sources));
+  x_writer.write(integrityNumbers(output));
+  if (output.decision) x_writer.write(gateNumbers(output, x_sources));
   if (output.scan_match) x_writer.write(scene(output));
 }
 

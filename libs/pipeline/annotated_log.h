@@ -14,9 +14,10 @@ namespace raceloc {
 /** Samples go in as they came, but speed and steering as CObservationRawDAQ. Beside them, by label:
  *  - `estimate`, CObservationOdometry: the planar pose, the only odometry of the log;
  *  - `estimate_pose`, CObservationRobotPose: T_map_body with its 6x6 covariance;
- *  - `gate`, CObservationRawDAQ, AIN_double: rule (0: dead reckoning, 1..4), alarm, then for each source five values:
- * Delta,
- *    limit, p(Theta|x), weight, accepted; -1 where a source had no say. The sources' order stands in the header;
+ *  - `integrity`, CObservationRawDAQ, AIN_double: state (0 ok, 1 degraded, 2 dead reckoning, 3 lost), what was measured
+ *    and its limit, protection levels lateral [m], longitudinal [m], heading [rad], alert limit [m];
+ *  - `gate`, CObservationRawDAQ, AIN_double, at each decision: rule (1..4), alarm, then for each source five values:
+ *    Delta, limit, p(Theta|x), weight, accepted; -1 where a source had no say. The order of sources is in the header;
  *  - (no label), CObservation3DScene at each sweep: car, scan, sources with 3-sigma ellipses, verdicts as text. */
 class AnnotatedLog {
  public:

@@ -40,21 +40,30 @@ PoseFix planarFix(const Registration& match) {
           std::sqrt(cov_r(2, 2))};
 }
 
+/** The lever arm as it lies in the plane, in the axes of the heading. */
+Eigen::Vector2d planarLever(const Eigen::Matrix3d& R_map_body, const Eigen::Vector3d& p_body_m) {
+  Pose T = Pose::Identity();
+  T.linear() = R_map_body;
+  return Eigen::Rotation2Dd(-yawOf(T)) * (R_map_body * p_body_m).head<2>();
+}
+
+constexpr double kMatchMemory_s = 1;
+
 }  // namespace
 
 void LocalizerPolicy::describe(OptionList& keys) {
   keys.add("map_radius_m", map_radius_m, above(0), "tiles within this distance of the car are held [m]");
-  keys.add("max_fix_age_s", max_fix_age_s, above(0), "older fixes take no part in a decision [s]");
-  keys.add("match_alive_s", match_alive_s, above(0),
-           "without a trusted match for this long, fixes are decided on alone [s]");
+  keys.add("output_period_s", output_period_s, above(0),
+           "an estimate comes with each message of the car's own motion, or so long after the last [s]");
+  keys.add("max_fix_age_s", max_fix_age_s, above(0), "older fixes do not tell where to look for the car [s]");
   keys.add("min_course_speed_mps", min_course_speed_mps, above(0), "slower, two fixes give no course [m/s]");
   keys.add("course_sigma_deg", course_sigma_deg, above(0), "error of the course between two fixes [deg]");
   keys.add("gps_min_sigma_m", gps_min_sigma_m, above(0),
            "no fix is believed to be better than this per axis [m]");
-  keys.add("dead_reckoning_period_s", dead_reckoning_period_s, above(0),
-           "output by dead reckoning when nothing else came [s]");
   keys.add("start_patience_s", start_patience_s, above(0),
            "without a scan match near a fix for this long, the fix starts the filter alone [s]");
+  keys.add("search_after", search_after, atLeast(1),
+           "after so many scan matches in a row that cannot be trusted, the car is looked for around a fix");
 }
 
 Localizer::Localizer(gpu::Context& context, const MapFile& map, const LocalizerOptions& options)
@@ -64,133 +73,176 @@ Localizer::Localizer(gpu::Context& context, const MapFile& map, const LocalizerO
       x_preparer(context, options.matching.crop, options.matching.odometry.scan_voxel_m,
                  options.matching.covariance),
       x_options(options),
-      x_window(context, map, options.matching.registration.voxel_size_m, options.policy.map_radius_m) {}
+      x_surface(map.content(), options.surface),
+      x_window(context, map, options.matching.registration.voxel_size_m, options.policy.map_radius_m) {
+  (void)Estimator(options.estimator);  // options that contradict each other are refused before the first fix
+}
 
 std::vector<LocalizerOutput> Localizer::add(const Sample& sample) {
   std::vector<LocalizerOutput> outputs;
-  std::visit([&](const auto& s) { take(s, outputs); }, sample);
-  while (const Sweep* sweep = x_queue.pop(x_history, stampOf(sample))) process(*sweep, outputs);
+  const double stamp_s = stampOf(sample);
+  if (!std::isfinite(stamp_s)) {
+    ++x_noted[labelOf(sample) + ": stamp is no number"];
+    return outputs;
+  }
+  std::visit([&](const auto& s) { take(s); }, sample);
+  const bool due =
+      std::holds_alternative<MotionSample>(sample) || stamp_s - x_stamp_s >= x_options.policy.output_period_s;
+  if (started() && due && stamp_s > x_stamp_s) moveTo(stamp_s);
+  while (const Sweep* sweep = x_queue.pop(x_history, stamp_s)) process(*sweep);
+  publish(outputs);
   return outputs;
 }
 
 std::vector<LocalizerOutput> Localizer::finish() {
   std::vector<LocalizerOutput> outputs;
-  while (const Sweep* sweep = x_queue.popAny()) process(*sweep, outputs);
+  while (const Sweep* sweep = x_queue.popAny()) {
+    if (started() && sweep->end_s > x_stamp_s) moveTo(sweep->end_s);
+    process(*sweep);
+    publish(outputs);
+  }
   return outputs;
 }
 
-void Localizer::process(const Sweep& sweep, std::vector<LocalizerOutput>& outputs) {
+void Localizer::process(const Sweep& sweep) {
   if (!started())
-    tryStart(sweep, outputs);
-  else if (sweep.end_s > x_stamp_s)
-    outputs.push_back(matchSweep(sweep));
+    tryStart(sweep);
+  else if (sweep.end_s > x_matched_s && sweep.end_s > x_stamp_s - x_options.history.lag_s)
+    matchSweep(sweep);
   else
     ++x_passed_over;
 }
 
-void Localizer::take(const ImuSample& sample, std::vector<LocalizerOutput>& /*outputs*/) {
-  x_history.add(sample);
-}
+void Localizer::take(const ImuSample& sample) { x_history.add(sample); }
 
-void Localizer::take(const InsPose& pose, std::vector<LocalizerOutput>& /*outputs*/) {
-  x_receivers[pose.label].ins = pose;
-}
+void Localizer::take(const InsPose& pose) { x_receivers[pose.label].ins = pose; }
 
-void Localizer::take(const Scan& scan, std::vector<LocalizerOutput>& /*outputs*/) { x_queue.push(scan); }
+void Localizer::take(const Scan& scan) { x_queue.push(scan); }
 
-void Localizer::take(const MotionSample& sample, std::vector<LocalizerOutput>& outputs) {
-  x_history.add(sample);
-  const bool overdue =
-      started() && x_queue.empty() && sample.stamp_s - x_stamp_s >= x_options.policy.dead_reckoning_period_s;
-  if (!overdue) return;
-  predictTo(sample.stamp_s);
-  outputs.push_back(output());
-}
+void Localizer::take(const MotionSample& sample) { x_history.add(sample); }
 
-void Localizer::take(const GpsFix& fix, std::vector<LocalizerOutput>& outputs) {
-  Receiver& receiver = x_receivers[fix.label];
-  const auto body = bodyFix(fix, receiver);
-  receiver.previous = fix;
-  if (!started()) {
-    if (body) considerStart(fix, *body);
+void Localizer::take(const GpsFix& fix) {
+  if (!fix.p_map_antenna_m.allFinite() || !fix.cov_map_m2.allFinite() || !fix.p_body_antenna_m.allFinite()) {
+    ++x_noted[fix.label + ": a fix that is no number"];
     return;
   }
-  constexpr std::size_t kMostWaiting = 64;  // 0.6 s of a 100 Hz receiver: longer than any sweep waits
-  receiver.unused.push_back({fix.stamp_s, *body});
-  if (receiver.unused.size() > kMostWaiting) receiver.unused.pop_front();
-
-  const bool matching = x_last_match && fix.stamp_s - x_last_match->stamp_s < x_options.policy.match_alive_s;
-  if (matching || !x_queue.empty() || fix.stamp_s <= x_stamp_s) return;
-  predictTo(fix.stamp_s);
-  outputs.push_back(decide(fix.stamp_s, takeFixes(), std::nullopt));
+  Receiver& receiver = x_receivers[fix.label];
+  auto car = carFix(fix, receiver);
+  receiver.previous = fix;
+  if (car && car->heading != HeadingKind::none) considerStart(fix, *car);
+  if (started() && car) enter(fix.stamp_s, std::move(*car));
 }
 
-std::optional<PoseFix> Localizer::bodyFix(const GpsFix& fix, const Receiver& receiver) const {
+void Localizer::enter(double stamp_s, PoseFix fix) {
+  const std::string source = fix.source;
+  const Arrival arrival = x_fusion->add(TimedFix{stamp_s, std::move(fix)});
+  switch (arrival) {
+    case Arrival::taken:
+      break;
+    case Arrival::late:
+      ++x_noted[source + ": fixes that came too late"];
+      return;
+    case Arrival::ahead:
+      ++x_noted[source + ": fixes ahead of the car's clock"];
+      return;
+    case Arrival::repeated:
+      ++x_noted[source + ": fixes that were there already"];
+      return;
+    case Arrival::unsound:
+      ++x_noted[source + ": fixes with a value that is none"];
+      return;
+  }
+  if (!x_fusion->made().empty()) x_new_decision = x_fusion->made().back();
+}
+
+std::optional<PoseFix> Localizer::carFix(const GpsFix& fix, const Receiver& receiver) const {
   constexpr double kSameEpoch_s = 0.005, kCourseMemory_s = 1.5, kWorthlessCourse_rad = 0.3;
   constexpr double kBestHeading_rad = 1e-3;  // no INS is better, whatever it claims
-  PoseFix body{
-      fix.label, {}, floored(fix.cov_map_m2.topLeftCorner<2, 2>(), x_options.policy.gps_min_sigma_m)};
+  PoseFix car{fix.label, fix.p_map_antenna_m.head<2>(),
+              floored(fix.cov_map_m2.topLeftCorner<2, 2>(), x_options.policy.gps_min_sigma_m)};
   Eigen::Matrix3d R_map_body = x_T_map_body.linear();
   if (receiver.ins && std::abs(receiver.ins->stamp_s - fix.stamp_s) < kSameEpoch_s) {
     R_map_body = receiver.ins->T_map_body.linear();
-    body.heading = HeadingKind::body;
-    body.heading_rad = yawOf(receiver.ins->T_map_body);
-    body.heading_sigma_rad = std::max(kBestHeading_rad, std::sqrt(receiver.ins->covariance(2, 2)));
+    car.heading = HeadingKind::body;
+    car.heading_rad = yawOf(receiver.ins->T_map_body);
+    car.heading_sigma_rad = std::max(kBestHeading_rad, std::sqrt(receiver.ins->covariance(2, 2)));
   } else if (receiver.previous && fix.stamp_s > receiver.previous->stamp_s &&
              fix.stamp_s - receiver.previous->stamp_s < kCourseMemory_s) {
-    const Eigen::Vector2d moved_m = (fix.p_map_antenna_m - receiver.previous->p_map_antenna_m).head<2>();
-    const double speed_mps = moved_m.norm() / (fix.stamp_s - receiver.previous->stamp_s);
+    // The antenna goes round the rear axle while the car turns (omega x r); the course is that of the axle, and half of
+    // the turn ahead of the chord between the fixes.
+    const double duration_s = fix.stamp_s - receiver.previous->stamp_s;
+    const double turn_rad = x_last_rates.yaw_rate_rps * duration_s;
+    const Eigen::Matrix3d R_map_previous =
+        R_map_body * Eigen::AngleAxisd(-turn_rad, Eigen::Vector3d::UnitZ());
+    Eigen::Vector2d moved_m = (fix.p_map_antenna_m - receiver.previous->p_map_antenna_m).head<2>();
+    if (started()) moved_m -= ((R_map_body - R_map_previous) * fix.p_body_antenna_m).head<2>();
+    const double speed_mps = moved_m.norm() / duration_s;
     const Eigen::Vector2d across = Eigen::Vector2d(-moved_m.y(), moved_m.x()).normalized();
     const Eigen::Matrix3d both_m2 = fix.cov_map_m2 + receiver.previous->cov_map_m2;
     const double noise_rad = std::sqrt(across.dot(both_m2.topLeftCorner<2, 2>() * across)) / moved_m.norm();
     if (speed_mps > x_options.policy.min_course_speed_mps && noise_rad < kWorthlessCourse_rad) {
-      body.heading = HeadingKind::course;
-      body.heading_rad = std::atan2(moved_m.y(), moved_m.x());
-      body.heading_sigma_rad = std::hypot(x_options.policy.course_sigma_deg * M_PI / 180, noise_rad);
-      if (!started()) R_map_body = poseFromRpy(Eigen::Vector3d::Zero(), 0, 0, body.heading_rad).linear();
+      const double slip_rad = started() ? x_fusion->newestControl().slip_rad : 0;
+      car.heading = HeadingKind::course;
+      car.heading_rad = wrapAngle(std::atan2(moved_m.y(), moved_m.x()) + 0.5 * turn_rad - slip_rad);
+      car.heading_sigma_rad = std::hypot(x_options.policy.course_sigma_deg * kDegree, noise_rad);
+      if (!started()) R_map_body = poseFromRpy(Eigen::Vector3d::Zero(), 0, 0, car.heading_rad).linear();
     }
   }
-  if (!started() && body.heading == HeadingKind::none) return std::nullopt;
-  body.p_map_m = (fix.p_map_antenna_m - R_map_body * fix.p_body_antenna_m).head<2>();
-  return body;
+  if (!started() && car.heading == HeadingKind::none) return std::nullopt;
+  car.p_body_m = planarLever(R_map_body, fix.p_body_antenna_m);
+  return car;
 }
 
-void Localizer::considerStart(const GpsFix& fix, const PoseFix& body) {
+void Localizer::considerStart(const GpsFix& fix, const PoseFix& car) {
   const Receiver& receiver = x_receivers[fix.label];
-  Pose T = poseFromRpy(Eigen::Vector3d::Zero(), 0, 0, body.heading_rad);
-  if (body.heading == HeadingKind::body) T.linear() = receiver.ins->T_map_body.linear();
+  Pose T = poseFromRpy(Eigen::Vector3d::Zero(), 0, 0, car.heading_rad);
+  if (car.heading == HeadingKind::body) T.linear() = receiver.ins->T_map_body.linear();
   T.translation() = fix.p_map_antenna_m - T.linear() * fix.p_body_antenna_m;
-  const double first_fix_s = x_start_place ? x_start_place->first_fix_s : fix.stamp_s;
-  x_start_place = StartPlace{first_fix_s, fix.stamp_s, fix.label, T};
-  if (fix.stamp_s - first_fix_s > x_options.policy.start_patience_s)
+  const double first_fix_s = x_place ? x_place->first_fix_s : fix.stamp_s;
+  x_place = StartPlace{first_fix_s, fix.stamp_s, fix.label, T};
+  if (!started() && fix.stamp_s - first_fix_s > x_options.policy.start_patience_s)
     start(fix.stamp_s, T, {fix.stamp_s, fix.label, false, 0});
 }
 
-void Localizer::tryStart(const Sweep& sweep, std::vector<LocalizerOutput>& outputs) {
-  const double end_s = sweep.end_s;
-  if (!x_start_place) return;
+std::optional<Pose> Localizer::placeAt(double stamp_s) const {
+  if (!x_place) return std::nullopt;
   // A sweep is looked at when its motion is known: the newest fix may be a little younger than its end.
-  const double fix_s = x_start_place->stamp_s;
-  const auto motion = x_history.between(std::min(fix_s, end_s), std::max(fix_s, end_s));
-  if (!motion || motion->duration_s > x_options.policy.max_fix_age_s) return;
-  const Pose T_fix_end = end_s >= fix_s ? motion->T_start_end : motion->T_start_end.inverse();
-  const Pose T_guess = x_start_place->T_map_body * T_fix_end;
-  if (!x_window.moveTo(T_guess.translation().head<2>())) return;
+  const double fix_s = x_place->stamp_s;
+  const auto motion = x_history.between(std::min(fix_s, stamp_s), std::max(fix_s, stamp_s));
+  if (!motion || motion->duration_s > x_options.policy.max_fix_age_s) return std::nullopt;
+  return x_place->T_map_body * (stamp_s >= fix_s ? motion->T_start_end : motion->T_start_end.inverse());
+}
 
+std::optional<Registration> Localizer::search(const CovarianceCloud& source, const Pose& T_guess) {
+  if (!x_window.moveTo(T_guess.translation().head<2>())) return std::nullopt;
   const GicpOptions& gicp = x_options.matching.registration;
+  Registration match = alignWithSearch(x_context, source, x_window.target(), T_guess, gicp, x_options.search);
+  if (!match.trusted(gicp)) return std::nullopt;
+  return match;
+}
+
+void Localizer::tryStart(const Sweep& sweep) {
+  const double end_s = sweep.end_s;
+  const auto T_guess = placeAt(end_s);
+  if (!T_guess) return;
   const CovarianceCloud source = prepared(sweep);
-  const Registration match =
-      alignWithSearch(x_context, source, x_window.target(), T_guess, gicp, x_options.search);
-  if (!match.trusted(gicp)) return;
-  const double to_fix_m = (match.T_target_source.translation() - T_guess.translation()).head<2>().norm();
-  start(end_s, match.T_target_source, {end_s, x_start_place->receiver, true, to_fix_m});
-  outputs.push_back(decide(end_s, {planarFix(match)}, ScanMatch{match, true, source.cloud}));
+  const auto match = search(source, *T_guess);
+  if (!match) return;
+  const double to_fix_m = (match->T_target_source.translation() - T_guess->translation()).head<2>().norm();
+  start(end_s, match->T_target_source, {end_s, x_place->receiver, true, to_fix_m});
+  enter(end_s, planarFix(*match));
+  believe(end_s, *match);
+  x_new_match = ScanMatch{end_s, match->T_target_source, *match, true, source.cloud};
 }
 
 void Localizer::start(double stamp_s, const Pose& T_map_body, StartReport report) {
-  const CarState state = startState(T_map_body.translation().head<2>(), yawOf(T_map_body), x_options.fusion);
-  x_filter.emplace(state, x_options.fusion, x_options.gate);
+  const CarState state =
+      startState(T_map_body.translation().head<2>(), yawOf(T_map_body), x_options.estimator.fusion);
+  if (const auto rates = x_history.ratesBetween(stamp_s, stamp_s)) x_last_rates = *rates;
+  x_fusion.emplace(x_options.estimator, x_options.history, state,
+                   Control{stamp_s, x_last_rates.speed_mps, x_last_rates.yaw_rate_rps});
   x_stamp_s = stamp_s;
+  x_published_s = -HUGE_VAL;
   x_T_map_body = T_map_body;
   x_start = std::move(report);
 }
@@ -207,42 +259,40 @@ BodyMotion Localizer::motionBetween(double from_s, double to_s) const {
   return held;
 }
 
-void Localizer::predictTo(double stamp_s) {
-  constexpr double kStep_s = 0.02;
-  const double from_s = x_stamp_s, step_s_at_most = stamp_s - from_s;
-  x_T_map_body = x_T_map_body * motionBetween(from_s, stamp_s).T_start_end;
-  x_by_wheels = x_history.hasWheels(stamp_s) && x_history.between(from_s, stamp_s).has_value();
-  const int steps = static_cast<int>(std::ceil(step_s_at_most / kStep_s));
-  for (int i = 0; i < steps; ++i) {
-    const double start_s = from_s + step_s_at_most * i / steps;
-    const double end_s = i + 1 == steps ? stamp_s : from_s + step_s_at_most * (i + 1) / steps;
-    if (const auto rates = x_history.ratesBetween(start_s, end_s)) x_last_rates = *rates;
-    x_filter->predict(end_s - start_s, x_last_rates.speed_mps, x_last_rates.yaw_rate_rps);
+void Localizer::moveTo(double stamp_s) {
+  constexpr double kStanding_mps = 0.5;  // slower, the way is too short to have a direction
+  const double duration_s = stamp_s - x_stamp_s;
+  const Pose T_map_next = x_T_map_body * motionBetween(x_stamp_s, stamp_s).T_start_end;
+  if (const auto rates = x_history.ratesBetween(x_stamp_s, stamp_s)) x_last_rates = *rates;
+  x_by_wheels = x_history.hasWheels(stamp_s) && x_history.between(x_stamp_s, stamp_s).has_value();
+
+  const double from_rad = yawOf(x_T_map_body), turn_rad = wrapAngle(yawOf(T_map_next) - from_rad);
+  const Eigen::Vector2d moved_m = Eigen::Rotation2Dd(-(from_rad + 0.5 * turn_rad)) *
+                                  (T_map_next.translation() - x_T_map_body.translation()).head<2>();
+  Control control{stamp_s, moved_m.x() / duration_s, turn_rad / duration_s};
+  if (control.speed_mps > kStanding_mps) {
+    control.speed_mps = moved_m.norm() / duration_s;
+    control.slip_rad = std::atan2(moved_m.y(), moved_m.x());
   }
+  (void)x_fusion->add(control);  // it is in order, and all of it finite
+  if (!x_fusion->made().empty()) x_new_decision = x_fusion->made().back();
   x_stamp_s = stamp_s;
+  x_T_map_body = T_map_next;
+  x_T_map_body = poseAt(stamp_s, x_fusion->newest().car);
 }
 
-std::vector<PoseFix> Localizer::takeFixes() {
-  std::vector<PoseFix> fixes;
-  for (auto& [label, receiver] : x_receivers) {
-    auto& waiting = receiver.unused;
-    while (waiting.size() > 1 && waiting[1].stamp_s <= x_stamp_s) waiting.pop_front();
-    if (waiting.empty() || waiting.front().stamp_s > x_stamp_s) continue;
-    const double stamp_s = waiting.front().stamp_s;
-    PoseFix body = std::move(waiting.front().body);
-    waiting.pop_front();
-    if (x_stamp_s - stamp_s > x_options.policy.max_fix_age_s) continue;
-
-    const BodyMotion motion = motionBetween(stamp_s, x_stamp_s);
-    const double turn_rad = yawOf(motion.T_start_end);
-    const Eigen::Rotation2Dd R_map_then(x_filter->state().mean(2) - turn_rad);
-    body.p_map_m += R_map_then * motion.T_start_end.translation().head<2>();
-    body.cov_p_m2 += R_map_then.toRotationMatrix() * motion.covariance.block<2, 2>(3, 3) *
-                     R_map_then.toRotationMatrix().transpose();
-    body.heading_rad += turn_rad;
-    fixes.push_back(std::move(body));
+Pose Localizer::poseAt(double stamp_s, const CarState& car) const {
+  Pose T = stamp_s < x_stamp_s ? Pose(x_T_map_body * motionBetween(stamp_s, x_stamp_s).T_start_end.inverse())
+                               : Pose(x_T_map_body * motionBetween(x_stamp_s, stamp_s).T_start_end);
+  const bool matched = x_last_match && stamp_s - x_last_match->stamp_s < kMatchMemory_s;
+  if (!matched && x_height_above_road_m) {
+    const auto place = x_surface.at(car.mean.head<2>(), car.mean(2), T.translation().z());
+    if (place && place->road) {
+      T.linear() = standingOn(place->road->up_map, car.mean(2));
+      T.translation().z() = place->road->height_m + *x_height_above_road_m;
+    }
   }
-  return fixes;
+  return withPlanar(T, car.mean(0), car.mean(1), car.mean(2));
 }
 
 CovarianceCloud Localizer::prepared(const Sweep& sweep) {
@@ -253,51 +303,60 @@ CovarianceCloud Localizer::prepared(const Sweep& sweep) {
   return x_preparer.prepare(sweep, poses ? *poses : steadySweep(last, sweep.end_s - sweep.begin_s));
 }
 
-LocalizerOutput Localizer::matchSweep(const Sweep& sweep) {
-  predictTo(sweep.end_s);
+void Localizer::matchSweep(const Sweep& sweep) {
+  const double end_s = x_matched_s = sweep.end_s;
   const CovarianceCloud source = prepared(sweep);
-
-  std::vector<PoseFix> fixes = takeFixes();
-  std::optional<ScanMatch> scan_match;
-  if (x_window.moveTo(x_T_map_body.translation().head<2>())) {
-    const Registration match =
-        align(x_context, source, x_window.target(), x_T_map_body, x_options.matching.registration);
-    scan_match = ScanMatch{match, match.trusted(x_options.matching.registration), source.cloud};
-    if (scan_match->trusted) fixes.push_back(planarFix(match));
+  const GicpOptions& gicp = x_options.matching.registration;
+  const Pose T_guess = poseAt(end_s, x_fusion->at(end_s).car);
+  if (!x_window.moveTo(T_guess.translation().head<2>())) return;
+  Registration match = align(x_context, source, x_window.target(), T_guess, gicp);
+  bool trusted = match.trusted(gicp);
+  x_failed_matches = trusted ? 0 : x_failed_matches + 1;
+  if (x_failed_matches >= x_options.policy.search_after) {
+    x_failed_matches = 0;
+    ++x_searches;
+    const auto T_place = placeAt(end_s);
+    const auto found = search(source, T_place ? *T_place : T_guess);
+    if (found) match = *found;
+    trusted = found.has_value();
+    if (!x_window.moveTo(T_guess.translation().head<2>())) return;
   }
-  return decide(sweep.end_s, std::move(fixes), std::move(scan_match));
+  if (trusted) {
+    enter(end_s, planarFix(match));
+    const auto believed = [&](const DatedDecision& dated) {
+      return dated.stamp_s >= end_s &&
+             std::any_of(dated.decision.sources.begin(), dated.decision.sources.end(),
+                         [](const SourceVerdict& v) { return v.source == kScanMatch && v.accepted; });
+    };
+    const auto& made = x_fusion->made();
+    if (std::any_of(made.begin(), made.end(), believed)) believe(end_s, match);
+  }
+  x_new_match = ScanMatch{end_s, poseAt(end_s, x_fusion->at(end_s).car), match, trusted, source.cloud};
 }
 
-LocalizerOutput Localizer::decide(double stamp_s, std::vector<PoseFix> fixes,
-                                  std::optional<ScanMatch> scan_match) {
-  std::optional<GateDecision> decision;
-  if (!fixes.empty()) decision = x_filter->correct(fixes);
-  const auto believed = [&](const std::string& source) {
-    return decision && std::any_of(decision->sources.begin(), decision->sources.end(),
-                                   [&](const SourceVerdict& v) { return v.source == source && v.accepted; });
-  };
-  if (believed(kScanMatch)) {
-    const Registration& match = scan_match->match;
-    constexpr double kLongest_s =
-        1;  // over longer, what calibration drifts counts more than what a match knows
-    if (x_last_match && stamp_s - x_last_match->stamp_s < kLongest_s)
-      x_history.observe(x_last_match->stamp_s, stamp_s,
-                        x_last_match->T_map_body.inverse() * match.T_target_source,
-                        x_last_match->covariance + match.covariance);
-    x_T_map_body = match.T_target_source;
-    x_last_match = BelievedMatch{stamp_s, match.T_target_source, match.covariance};
-  }
-  LocalizerOutput out = output();
-  x_T_map_body = out.T_map_body;
-  out.fixes = std::move(fixes);
-  out.decision = std::move(decision);
-  out.scan_match = std::move(scan_match);
-  return out;
+void Localizer::believe(double stamp_s, const Registration& match) {
+  constexpr double kLongest_s =
+      1;  // over longer, what calibration drifts counts more than what a match knows
+  if (x_last_match && stamp_s - x_last_match->stamp_s < kLongest_s)
+    x_history.observe(x_last_match->stamp_s, stamp_s,
+                      x_last_match->T_map_body.inverse() * match.T_target_source,
+                      x_last_match->covariance + match.covariance);
+  x_last_match = BelievedMatch{stamp_s, match.T_target_source, match.covariance};
+  const Pose& T = match.T_target_source;
+  if (const auto place = x_surface.at(T.translation().head<2>(), yawOf(T), T.translation().z());
+      place && place->road)
+    x_height_above_road_m = T.translation().z() - place->road->height_m;
+  x_T_map_body = stamp_s < x_stamp_s ? Pose(T * motionBetween(stamp_s, x_stamp_s).T_start_end) : T;
+  x_T_map_body = poseAt(x_stamp_s, x_fusion->newest().car);
 }
 
-LocalizerOutput Localizer::output() {
-  const CarState state = x_filter->state();
-  const Pose T = withPlanar(x_T_map_body, state.mean(0), state.mean(1), state.mean(2));
+void Localizer::publish(std::vector<LocalizerOutput>& outputs) {
+  if (!started() || !(x_stamp_s > x_published_s)) return;
+  x_published_s = x_stamp_s;
+  const EstimatorState& now = x_fusion->newest();
+  const CarState& car = now.car;
+  const Pose T = poseAt(x_stamp_s, car);
+
   // Height, roll and pitch have the last match's errors; before the first one, what a start leaves open.
   constexpr double kUnknownHeight_m = 1.0, kUnknownTilt_rad = 0.1;
   Matrix6d covariance = x_last_match ? x_last_match->covariance : Matrix6d(Matrix6d::Zero());
@@ -305,21 +364,33 @@ LocalizerOutput Localizer::output() {
     covariance.diagonal() << std::pow(kUnknownTilt_rad, 2), std::pow(kUnknownTilt_rad, 2), 0, 0, 0,
         std::pow(kUnknownHeight_m, 2);
   }
-  const Eigen::Rotation2Dd R_body_map(-state.mean(2));
+  const Eigen::Rotation2Dd R_body_map(-car.mean(2));
   const Eigen::Matrix2d R = R_body_map.toRotationMatrix();
   covariance.row(2).setZero();
   covariance.col(2).setZero();
   covariance.block<2, 6>(3, 0).setZero();
   covariance.block<6, 2>(0, 3).setZero();
-  covariance(2, 2) = state.covariance(2, 2);
-  covariance.block<2, 2>(3, 3) = R * state.covariance.topLeftCorner<2, 2>() * R.transpose();
-  const Eigen::Vector2d cross = R * state.covariance.block<2, 1>(0, 2);
+  covariance(2, 2) = car.covariance(2, 2);
+  covariance.block<2, 2>(3, 3) = R * car.covariance.topLeftCorner<2, 2>() * R.transpose();
+  const Eigen::Vector2d cross = R * car.covariance.block<2, 1>(0, 2);
   covariance.block<2, 1>(3, 2) = cross;
   covariance.block<1, 2>(2, 3) = cross.transpose();
-  FaultCounts faults = x_queue.takeFaults(x_stamp_s);
+
+  FaultCounts faults = std::exchange(x_noted, {});
+  faults.merge(x_queue.takeFaults(x_stamp_s));
   for (const std::string& fault : x_history.faults()) ++faults[fault];
   for (const std::string& fault : x_window.takeFaults()) ++faults[fault];
-  return {x_stamp_s, T, covariance, x_by_wheels, std::move(faults), {}, std::nullopt, std::nullopt, {}};
+
+  std::optional<double> gap_m;
+  if (const auto place = x_surface.at(car.mean.head<2>(), car.mean(2), T.translation().z())) {
+    if (place->gap_left_m) gap_m = place->gap_left_m;
+    if (place->gap_right_m) gap_m = std::min(gap_m.value_or(HUGE_VAL), *place->gap_right_m);
+  }
+  Integrity integrity = assess(now, gap_m, x_options.estimator.reliability, x_options.integrity);
+  const Control& control = x_fusion->newestControl();
+  outputs.push_back({x_stamp_s, T, covariance, control.speed_mps, control.yaw_rate_rps, x_by_wheels,
+                     std::move(faults), std::move(integrity), std::exchange(x_new_decision, std::nullopt),
+                     std::exchange(x_new_match, std::nullopt)});
 }
 
 }  // namespace raceloc

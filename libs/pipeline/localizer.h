@@ -5,17 +5,17 @@
 
 #include <raceloc/gpu/context.h>
 
-#include <deque>
 #include <map>
 #include <optional>
 #include <string>
 #include <vector>
 
-#include "fusion/fusion_filter.h"
+#include "fusion/history.h"
 #include "fusion/integrity.h"
 #include "map/tile_query.h"
 #include "odometry/scan_queue.h"
 #include "pipeline/matching_options.h"
+#include "pipeline/track_surface.h"
 #include "registration/search.h"
 
 namespace raceloc {
@@ -23,20 +23,22 @@ namespace raceloc {
 /** Section [localizer]. */
 struct LocalizerPolicy {
   double map_radius_m = 100;
+  double output_period_s = 0.01;
   double max_fix_age_s = 0.3;
-  double match_alive_s = 0.5;
   double min_course_speed_mps = 3.0;
   double course_sigma_deg = 2.0;
   double gps_min_sigma_m = 0.1;
-  double dead_reckoning_period_s = 0.25;
   double start_patience_s = 3.0;
+  int search_after = 5;
   void describe(OptionList& keys);
 };
 
 struct LocalizerOptions {
   MatchingOptions matching;
-  FusionOptions fusion;
-  GateOptions gate;
+  EstimatorOptions estimator;
+  HistoryOptions history;
+  IntegrityOptions integrity;
+  TrackSurfaceOptions surface;
   LocalizerPolicy policy;
   SearchOptions search;
 };
@@ -51,6 +53,8 @@ struct StartReport {
 
 /** One sweep, of one LiDAR or several, held against the map. */
 struct ScanMatch {
+  double stamp_s;   ///< end of the sweep
+  Pose T_map_body;  ///< the estimate then, after the decision
   Registration match;
   bool trusted;
   Cloud scan_body;  ///< de-skewed, thinned: for pictures
@@ -60,23 +64,27 @@ struct ScanMatch {
 struct LocalizerOutput {
   double stamp_s;
   Pose T_map_body;
-  Matrix6d covariance;  ///< right increment (rad, m); height, roll and pitch from the last trusted match
-  bool by_wheels;       ///< false: speed and yaw rate were missing and the last ones went on
-  FaultCounts faults;   ///< of sources and scans, since the last output
-  std::vector<PoseFix> fixes;            ///< what the sources said, carried forward to stamp_s
-  std::optional<GateDecision> decision;  ///< none: dead reckoning, no source was due
-  std::optional<ScanMatch> scan_match;   ///< when a sweep was matched
+  Matrix6d
+      covariance;  ///< right increment (rad, m); height, roll and pitch from the last trusted match or the road
+  double speed_mps, yaw_rate_rps;
+  bool by_wheels;      ///< false: speed and yaw rate were missing and the last ones went on
+  FaultCounts faults;  ///< of sources and scans, since the last output
   Integrity integrity;
+  std::optional<DatedDecision> decision;  ///< the newest since the last output
+  std::optional<ScanMatch> scan_match;    ///< likewise
 };
 
-/** Localization on a map. Samples come in order of time; outputs are in order of time.
+/** Localization on a map. Samples come in the order of their arrival; outputs are in order of time.
  *
- * A decision is taken at the end of each sweep, from its match and of each receiver the newest fix younger than
- * max_fix_age_s, carried forward by dead reckoning; each fix is used once. When no sweep waits and no match was
- * believed for match_alive_s, each fix is decided on alone, at its own stamp.
+ * Output: at each sample of the car's own motion, and at any other one output_period_s after the last, extrapolated to
+ * its stamp. What the motion does in the plane follows from the car's attitude, so that on a bank neither speed nor yaw
+ * rate are too small. Fixes of receivers and scan matches go into a history of fixed lag as they come (history.h).
  * Start: a fix with a heading (the receiver's INS, or the course between two fixes at speed) says where to look, and
  * a scan match found around it says where the car is; only when no match is found for start_patience_s does the fix
- * start the filter alone. Before that there is no output. Source: reading.md sections 1, 2 and 6. */
+ * start the filter alone. Before that there is no output. After search_after matches in a row that are not trusted, the
+ * car is looked for around the newest fix of a receiver in the same way; what is found counts like any match.
+ * Attitude and height are those of the last believed match, moved on by the gyro; after kMatchMemory_s those of the
+ * map's road. Source: reading.md sections 1, 2 and 6. */
 class Localizer {
  public:
   /** Keeps references to context and map. \throws InputError if the gate's options contradict each other. */
@@ -85,51 +93,52 @@ class Localizer {
   [[nodiscard]] std::vector<LocalizerOutput> add(const Sample& sample);
   [[nodiscard]] std::vector<LocalizerOutput> finish();  ///< what still waits, at the end of the stream
 
-  [[nodiscard]] bool started() const { return x_filter.has_value(); }
+  [[nodiscard]] bool started() const { return x_fusion.has_value(); }
   [[nodiscard]] const std::optional<StartReport>& startReport() const { return x_start; }
-  [[nodiscard]] std::size_t passedOver() const {
-    return x_passed_over;
-  }  ///< sweeps that ended before the estimate's time
+  /** Sweeps that ended before the lag, or before one that was matched. */
+  [[nodiscard]] std::size_t passedOver() const { return x_passed_over; }
   [[nodiscard]] std::size_t tileLoads() const { return x_window.rebuilds(); }
+  [[nodiscard]] std::size_t searches() const {
+    return x_searches;
+  }  ///< for the car, after matches had failed
 
  private:
-  struct TimedFix {
-    double stamp_s;
-    PoseFix body;
-  };
   struct Receiver {
-    std::deque<TimedFix> unused;     ///< that no decision has seen, in order of time; the last ones only
     std::optional<GpsFix> previous;  ///< the one before: for the course
     std::optional<InsPose> ins;      ///< newest
   };
 
-  void take(const GpsFix& fix, std::vector<LocalizerOutput>& outputs);
-  void take(const InsPose& pose, std::vector<LocalizerOutput>& outputs);
-  void take(const ImuSample& sample, std::vector<LocalizerOutput>& outputs);
-  void take(const MotionSample& sample, std::vector<LocalizerOutput>& outputs);
-  void take(const Scan& scan, std::vector<LocalizerOutput>& outputs);
+  void take(const GpsFix& fix);
+  void take(const InsPose& pose);
+  void take(const ImuSample& sample);
+  void take(const MotionSample& sample);
+  void take(const Scan& scan);
 
-  /** The body's pose by a fix, from its antenna and heading; none while the filter waits for a heading to
-   * start. */
-  [[nodiscard]] std::optional<PoseFix> bodyFix(const GpsFix& fix, const Receiver& receiver) const;
+  /** What a receiver says of the car; none while the filter waits for a heading to start. */
+  [[nodiscard]] std::optional<PoseFix> carFix(const GpsFix& fix, const Receiver& receiver) const;
   /** Keeps the fix as the place to look for the car; starts from it alone when patience is at an end. */
-  void considerStart(const GpsFix& fix, const PoseFix& body);
+  void considerStart(const GpsFix& fix, const PoseFix& car);
+  /** Where the fix of considerStart() says that the car is at an instant. */
+  [[nodiscard]] std::optional<Pose> placeAt(double stamp_s) const;
+  /** Looks for the car around a place. */
+  [[nodiscard]] std::optional<Registration> search(const CovarianceCloud& source, const Pose& T_guess);
   /** Looks for the car around the fix of considerStart(). */
-  void tryStart(const Sweep& sweep, std::vector<LocalizerOutput>& outputs);
+  void tryStart(const Sweep& sweep);
   void start(double stamp_s, const Pose& T_map_body, StartReport report);
+  void matchSweep(const Sweep& sweep);
+  /** A fix goes into the history; what becomes of it is noted. */
+  void enter(double stamp_s, PoseFix fix);
+  void believe(double stamp_s, const Registration& match);
+
   /** The car's motion by its wheels; where they say nothing, at the last speed and yaw rate. */
   [[nodiscard]] BodyMotion motionBetween(double from_s, double to_s) const;
-  /** Dead reckoning to a later instant. */
-  void predictTo(double stamp_s);
-  [[nodiscard]] LocalizerOutput decide(double stamp_s, std::vector<PoseFix> fixes,
-                                       std::optional<ScanMatch> scan_match);
-  [[nodiscard]] LocalizerOutput matchSweep(const Sweep& sweep);
-  void process(const Sweep& sweep, std::vector<LocalizerOutput>& outputs);
+  /** The car's attitude, height and control go on to a later instant. */
+  void moveTo(double stamp_s);
+  /** The estimate with an attitude and height as last known, at an instant of the history. */
+  [[nodiscard]] Pose poseAt(double stamp_s, const CarState& car) const;
   [[nodiscard]] CovarianceCloud prepared(const Sweep& sweep);
-  /** Of each receiver the newest unused fix that is not newer than the filter's time, carried forward to it,
-   * if it is young enough; it and all older ones count as used. */
-  [[nodiscard]] std::vector<PoseFix> takeFixes();
-  [[nodiscard]] LocalizerOutput output();
+  void process(const Sweep& sweep);
+  void publish(std::vector<LocalizerOutput>& outputs);
 
   struct StartPlace {
     double first_fix_s;  ///< when waiting began
@@ -143,22 +152,29 @@ class Localizer {
     Matrix6d covariance;
   };
   // What is aligned to 16 bytes comes first: less padding.
-  std::optional<FusionFilter> x_filter;
-  /** Planar part from the filter, the rest from the last trusted match. */
-  Pose x_T_map_body = Pose::Identity();
-  std::optional<StartPlace> x_start_place;
+  std::optional<FusionHistory> x_fusion;
+  Pose x_T_map_body = Pose::Identity();  ///< at x_stamp_s: attitude and height as last known
+  std::optional<StartPlace> x_place;
   std::optional<BelievedMatch> x_last_match;
+  std::optional<ScanMatch> x_new_match;
+  std::optional<DatedDecision> x_new_decision;
   MotionHistory x_history;
   gpu::Context& x_context;
-  double x_stamp_s = 0;  ///< the filter's time
-  std::size_t x_passed_over = 0;
+  double x_stamp_s = 0;      ///< of the newest control
+  double x_published_s = 0;  ///< of the newest output
+  double x_matched_s = 0;    ///< end of the newest sweep that was matched
+  std::size_t x_passed_over = 0, x_searches = 0;
   MotionHistory::Rates x_last_rates{0, 0};
   std::map<std::string, Receiver> x_receivers;
   std::optional<StartReport> x_start;
   ScanQueue x_queue;
   SweepPreparer x_preparer;
   LocalizerOptions x_options;
+  TrackSurface x_surface;
   TileWindow x_window;
+  FaultCounts x_noted;
+  std::optional<double> x_height_above_road_m;  ///< of the rear axle
+  int x_failed_matches = 0;                     ///< in a row
   bool x_by_wheels = true;
 };
 

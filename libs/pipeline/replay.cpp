@@ -29,19 +29,33 @@ ReplayOptions ReplayOptions::fromIni(const std::string& path) {
   ReplayOptions options;
   IniFile ini(path);
   options.localizer.matching.load(ini);
-  ini.load("fusion", options.localizer.fusion);
-  ini.load("gate", options.localizer.gate);
-  ini.load("localizer", options.localizer.policy);
-  ini.load("search", options.localizer.search);
+  LocalizerOptions& localizer = options.localizer;
+  ini.load("fusion", localizer.estimator.fusion);
+  ini.load("gate", localizer.estimator.gate);
+  ini.load("reliability", localizer.estimator.reliability);
+  ini.load("recovery", localizer.estimator.recovery);
+  ini.load("history", localizer.history);
+  ini.load("integrity", localizer.integrity);
+  ini.load("track_surface", localizer.surface);
+  ini.load("localizer", localizer.policy);
+  ini.load("search", localizer.search);
   ini.load("live", options.live);
   ini.rejectUnknownSections();
   return options;
 }
 
 std::string ReplayOptions::iniText() const {
-  return localizer.matching.iniText() + "\n" + raceloc::iniText("fusion", localizer.fusion) + "\n" +
-         raceloc::iniText("gate", localizer.gate) + "\n" + raceloc::iniText("localizer", localizer.policy) +
-         "\n" + raceloc::iniText("live", live);
+  const EstimatorOptions& estimator = localizer.estimator;
+  std::string text = localizer.matching.iniText();
+  for (const auto& section :
+       {raceloc::iniText("fusion", estimator.fusion), raceloc::iniText("gate", estimator.gate),
+        raceloc::iniText("reliability", estimator.reliability),
+        raceloc::iniText("recovery", estimator.recovery), raceloc::iniText("history", localizer.history),
+        raceloc::iniText("integrity", localizer.integrity),
+        raceloc::iniText("track_surface", localizer.surface), raceloc::iniText("localizer", localizer.policy),
+        raceloc::iniText("search", localizer.search), raceloc::iniText("live", live)})
+    text += "\n" + section;
+  return text;
 }
 
 namespace {
@@ -71,11 +85,13 @@ class Tally {
     ++x_report.outputs;
     x_report.trajectory.poses.push_back({output.stamp_s, output.T_map_body});
     if (output.decision) {
-      ++x_report.rule_counts[static_cast<int>(output.decision->rule)];
-      if (output.decision->alarm) ++x_report.alarms;
-    } else {
-      ++x_report.dead_reckoned;
+      const GateDecision& decision = output.decision->decision;
+      ++x_report.rule_counts[static_cast<int>(decision.rule)];
+      if (decision.alarm) ++x_report.alarms;
+      if (decision.reset) ++x_report.resets;
     }
+    ++x_report.state_counts[static_cast<int>(output.integrity.state)];
+    if (!output.integrity.cause.empty()) ++x_report.causes[output.integrity.cause];
     if (!output.by_wheels) ++x_report.without_wheels;
     for (const auto& [fault, times] : output.faults) x_report.faults[fault] += times;
     if (!output.scan_match) return;
@@ -166,6 +182,7 @@ ReplayReport replay(const std::string& log_path, const std::string& map_path, co
   report.start = localizer.startReport();
   report.passed_over = localizer.passedOver();
   report.tile_loads = localizer.tileLoads();
+  report.searches = localizer.searches();
   if (!localizer.started())
     throw InputError(
         "rawlog " + log_path + ": no start among " + std::to_string(report.recorded_s) +

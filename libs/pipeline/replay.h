@@ -3,6 +3,7 @@
 #pragma once
 
 #include <functional>
+#include <map>
 #include <optional>
 #include <string>
 
@@ -34,10 +35,12 @@ struct ReplayReport {
   std::string device_reason;
   double first_s, recorded_s;
   std::optional<StartReport> start;
-  std::size_t scans, trusted_matches, outputs, dead_reckoned, alarms, disabled_samples, dropped_late,
+  std::size_t scans, trusted_matches, outputs, alarms, resets, searches, disabled_samples, dropped_late,
       tile_loads, without_wheels, passed_over;
-  std::size_t rule_counts[5];  ///< decisions by GateRule; [0] is unused
-  FaultCounts faults;          ///< outputs that did without a source; scans that were passed over
+  std::size_t rule_counts[5];                 ///< decisions by GateRule; [0] is unused
+  std::size_t state_counts[4];                ///< outputs by LocalizationState
+  std::map<std::string, std::size_t> causes;  ///< outputs that were not ok, by cause
+  FaultCounts faults;  ///< outputs that did without a source; scans that were passed over
   double match_residual_m, match_inlier_share, match_iterations;  ///< medians over the trusted matches
   double match_p99_s, match_median_s;  ///< wall time from a sweep's samples to its pose
   Trajectory trajectory;

@@ -87,7 +87,7 @@ class LocalizerTest : public ::testing::Test {
   }
   static std::size_t alarms(const std::vector<LocalizerOutput>& outputs) {
     return static_cast<std::size_t>(std::count_if(
-        outputs.begin(), outputs.end(), [](const auto& o) { return o.decision && o.decision->alarm; }));
+        outputs.begin(), outputs.end(), [](const auto& o) { return o.decision && o.decision->decision.alarm; }));
   }
 
   Random rnd_{21};
@@ -118,7 +118,7 @@ TEST_F(LocalizerTest, WhenTheGpsLiesFromTheFirstFixOnItIsRejected) {
   });
   EXPECT_LT(worstError_m(outputs), kMatch_m);
   for (const auto& output : outputs)
-    for (const auto& verdict : output.decision->sources)
+    for (const auto& verdict : output.decision->decision.sources)
       EXPECT_EQ(verdict.accepted, verdict.source == "scan_match") << output.stamp_s;
 }
 
