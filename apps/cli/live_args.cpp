@@ -26,6 +26,8 @@ DESCRIPTION
   numbers as CObservationRawDAQ labelled gate, and at each sweep a CObservation3DScene with car, scan, sources
   and verdicts.
   A GPS fix with a heading says where to look for the car, and a scan match there starts the filter.
+  A map of another place, or not of the content hash that --map-hash demands (raceloc-map check prints it), is
+  refused; a damaged tile of the right one is left out and named.
   With --odometry-only there is no map and no GPS: LiDAR, IMU, wheel speed and steering alone, in the frame of the
   first scan, turned level by the accelerometer; it also tells what it learnt of the sensors' errors.
 

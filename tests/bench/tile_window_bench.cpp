@@ -27,8 +27,10 @@ std::vector<Eigen::Vector2d> driven(const MapContent& content, double step_m) {
   double left_m = 0;
   for (std::size_t i = 1; i < way.size(); ++i) {
     const double length_m = (way[i] - way[i - 1]).norm();
-    for (; left_m < length_m; left_m += step_m)
+    while (left_m < length_m) {
       steps.emplace_back(way[i - 1] + left_m / length_m * (way[i] - way[i - 1]));
+      left_m += step_m;
+    }
     left_m -= length_m;
   }
   return steps;
