@@ -142,12 +142,16 @@ void Smoother::relax() {
     if (move(pose, step, way_sigma)) far.push_back(pose);
     return true;
   });
+  std::vector<std::size_t> in_doubt;
   for (const std::size_t pose : far) {
     x_since_check[pose] = {};
-    for (const std::size_t f : x_factors_of[pose])
-      if ((residualOf(x_graph.factors[f], x_graph.T_map_body).r - x_in_L[f].r).norm() > x_options.model_sigma)
-        x_stale.insert(f);
+    in_doubt.insert(in_doubt.end(), x_factors_of[pose].begin(), x_factors_of[pose].end());
   }
+  std::sort(in_doubt.begin(), in_doubt.end());
+  in_doubt.erase(std::unique(in_doubt.begin(), in_doubt.end()), in_doubt.end());  // of two poses: once
+  for (const std::size_t f : in_doubt)
+    if ((residualOf(x_graph.factors[f], x_graph.T_map_body).r - x_in_L[f].r).norm() > x_options.model_sigma)
+      x_stale.insert(f);
 }
 
 double Smoother::inSigmas(std::size_t pose, const Vector6d& step) const {
