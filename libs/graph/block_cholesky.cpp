@@ -160,21 +160,33 @@ struct BlockCholesky::Store {
         std::ptrdiff_t{first[static_cast<std::size_t>(column)]} * kBlock * kBlock + kBlock * (found - begin);
     return BlockMap(valuesOf(*H) + start, Eigen::OuterStride<>(kBlock * Eigen::Index{blocksIn(column)}));
   }
-  /** Entries of a column of L: D first, then L, rows ascending. */
-  struct Column {
-    const int* rows;
-    const double* values;
-    int size;
+  /** The six columns of a block of L. What lies below it is whole blocks, the same in all six: H has whole blocks, and
+   * so has all that is added. */
+  struct Columns {
+    std::array<const double*, kBlock> values;  ///< of column k: D, 5 - k of L within the block, then below it
+    const int* rows;                           ///< below the block
+    int size;                                  ///< how many, a multiple of six
+
+    [[nodiscard]] Eigen::Map<const Vector6d> below(int k, int entry) const {
+      return Eigen::Map<const Vector6d>(values[static_cast<std::size_t>(k)] + kBlock - k + entry);
+    }
   };
-  [[nodiscard]] Column column(int at, int k) const {
-    const auto j = kBlock * std::ptrdiff_t{at} + k;
-    const int start = static_cast<const int*>(L->p)[j];
-    return {static_cast<const int*>(L->i) + start, static_cast<const double*>(L->x) + start,
-            static_cast<const int*>(L->nz)[j]};
+  [[nodiscard]] Columns columns(int at) const {
+    const auto first_column = kBlock * std::ptrdiff_t{at};
+    const int* start = static_cast<const int*>(L->p) + first_column;
+    Columns c{};
+    for (std::size_t k = 0; k < kBlock; ++k) c.values[k] = static_cast<const double*>(L->x) + start[k];
+    c.rows = static_cast<const int*>(L->i) + start[kBlock - 1] + 1;
+    c.size = static_cast<const int*>(L->nz)[first_column + kBlock - 1] - 1;
+    return c;
   }
   [[nodiscard]] int parentInL(int at) const {
-    const Column last = column(at, kBlock - 1);  // has all rows below the block that any of the six has
-    return last.size > 1 ? last.rows[1] / kBlock : -1;
+    const Columns c = columns(at);
+    const int* sizes = static_cast<const int*>(L->nz) + kBlock * std::ptrdiff_t{at};
+    for (int k = 0; k < kBlock; ++k)
+      if (c.size % kBlock != 0 || sizes[k] != c.size + kBlock - k)
+        throw std::logic_error("BlockCholesky: a column of L is not of whole blocks");
+    return c.size > 0 ? c.rows[0] / kBlock : -1;
   }
   int takeParent(int at) {
     const int now = parentInL(at);
@@ -194,30 +206,39 @@ struct BlockCholesky::Store {
   void regrow(int at) {
     while (at >= 0) at = takeParent(at);
   }
-  /** L y = b below a block whose y is ready; then D z = y in it. */
+  [[nodiscard]] Eigen::Map<Vector6d> xOf(int row) { return Eigen::Map<Vector6d>(x.data() + row); }
+  /** L y = b in a block above which all is done, and off the rows below; then D z = y in it. */
   void eliminate(int at) {
-    for (int k = 0; k < kBlock; ++k) {
-      const Column l = column(at, k);
-      const double y = x[static_cast<std::size_t>(l.rows[0])];
-      for (int e = 1; e < l.size; ++e) x[static_cast<std::size_t>(l.rows[e])] -= l.values[e] * y;
-      x[static_cast<std::size_t>(l.rows[0])] = y / l.values[0];
+    const Columns l = columns(at);
+    auto y = xOf(kBlock * at);
+    for (int k = 0; k < kBlock; ++k)
+      for (int row = k + 1; row < kBlock; ++row)
+        y(row) -= l.values[static_cast<std::size_t>(k)][row - k] * y(k);
+    for (int entry = 0; entry < l.size; entry += kBlock) {
+      auto b = xOf(l.rows[entry]);
+      for (int k = 0; k < kBlock; ++k) b -= y(k) * l.below(k, entry);
     }
+    for (int k = 0; k < kBlock; ++k) y(k) /= *l.values[static_cast<std::size_t>(k)];
   }
   /** L' x = z in a block whose ancestors' x are ready. */
   Vector6d substitute(int at) {
-    Vector6d result;
-    for (int k = kBlock - 1; k >= 0; --k) {
-      const Column l = column(at, k);
-      double sum = x[static_cast<std::size_t>(l.rows[0])];
-      for (int e = 1; e < l.size; ++e) sum -= l.values[e] * x[static_cast<std::size_t>(l.rows[e])];
-      result(k) = x[static_cast<std::size_t>(l.rows[0])] = sum;
+    const Columns l = columns(at);
+    Vector6d result = xOf(kBlock * at);
+    for (int entry = 0; entry < l.size; entry += kBlock) {
+      const Vector6d known = xOf(l.rows[entry]);
+      for (int k = 0; k < kBlock; ++k) result(k) -= l.below(k, entry).dot(known);
     }
+    for (int k = kBlock - 1; k >= 0; --k)
+      for (int row = k + 1; row < kBlock; ++row)
+        result(k) -= l.values[static_cast<std::size_t>(k)][row - k] * result(row);
+    xOf(kBlock * at) = result;
     return result;
   }
   [[nodiscard]] bool hangsFromMoving(int at) const {
-    const Column last = column(at, kBlock - 1);
-    return std::any_of(last.rows + 1, last.rows + last.size,
-                       [&](int row) { return moving[static_cast<std::size_t>(row / kBlock)] != 0; });
+    const Columns l = columns(at);
+    for (int entry = 0; entry < l.size; entry += kBlock)
+      if (moving[static_cast<std::size_t>(l.rows[entry] / kBlock)] != 0) return true;
+    return false;
   }
 };
 
@@ -343,14 +364,13 @@ bool BlockCholesky::change(const std::vector<LinearFactor>& terms, bool up) {
     if (term.j != kNoPose) blocks[1].first = x_->place_of(term.j);
     if (blocks[0].first > blocks[1].first) std::swap(blocks[0], blocks[1]);
     for (int row = 0; row < kBlock; ++row) {
-      const int before = entry;
-      for (const auto& [at, J] : blocks)
-        for (int k = 0; at >= 0 && k < kBlock; ++k)
-          if ((*J)(row, k) != 0) {
-            rowsOf(*C)[entry] = kBlock * at + k;
-            valuesOf(*C)[entry++] = (*J)(row, k);
-          }
-      if (entry > before) columnsOf(*C)[column++] = before;
+      if (term.J_i.row(row).isZero(0) && term.J_j.row(row).isZero(0)) continue;
+      columnsOf(*C)[column++] = entry;
+      for (const auto& [at, J] : blocks)  // whole blocks, zeros and all: L's stay whole
+        for (int k = 0; at >= 0 && k < kBlock; ++k) {
+          rowsOf(*C)[entry] = kBlock * at + k;
+          valuesOf(*C)[entry++] = (*J)(row, k);
+        }
     }
   }
   columnsOf(*C)[column] = entry;
@@ -402,12 +422,12 @@ bool BlockCholesky::append(const Matrix6d& diagonal,
   return true;
 }
 
-std::vector<std::pair<std::size_t, Vector6d>> BlockCholesky::solveMoving(
-    const std::vector<std::pair<std::size_t, Vector6d>>& b, const Moves& moves) const {
+void BlockCholesky::solveMoving(const std::vector<std::pair<std::size_t, Vector6d>>& b,
+                                const Visit& visit) const {
   std::vector<int> order;  // of the blocks, ancestors first
   for (const auto& [pose, value] : b) {
     int at = x_->place_of(pose);
-    Eigen::Map<Vector6d>(x_->x.data() + kBlock * std::ptrdiff_t{at}) = value;
+    x_->xOf(kBlock * at) = value;
     for (; at >= 0 && !x_->seen[static_cast<std::size_t>(at)];
          at = x_->parent[static_cast<std::size_t>(at)]) {
       x_->seen[static_cast<std::size_t>(at)] = 1;
@@ -418,10 +438,8 @@ std::vector<std::pair<std::size_t, Vector6d>> BlockCholesky::solveMoving(
   for (const int at : order) x_->eliminate(at);
   std::reverse(order.begin(), order.end());
 
-  std::vector<std::pair<std::size_t, Vector6d>> x;
   const auto solve = [&](int at) {
-    x.emplace_back(x_->pose_of(at), x_->substitute(at));
-    x_->moving[static_cast<std::size_t>(at)] = moves(x.back().first, x.back().second);
+    x_->moving[static_cast<std::size_t>(at)] = visit(x_->pose_of(at), x_->substitute(at));
   };
   for (const int at : order) solve(at);
   for (std::size_t k = 0; k < order.size(); ++k) {  // `order` grows below what moves
@@ -438,10 +456,9 @@ std::vector<std::pair<std::size_t, Vector6d>> BlockCholesky::solveMoving(
       }
   }
   for (const int at : order) {
-    std::fill_n(x_->x.begin() + kBlock * std::ptrdiff_t{at}, kBlock, 0.0);
+    x_->xOf(kBlock * at).setZero();
     x_->seen[static_cast<std::size_t>(at)] = x_->moving[static_cast<std::size_t>(at)] = 0;
   }
-  return x;
 }
 
 Matrix6d BlockCholesky::inverseBlock(std::size_t pose) const {

@@ -46,13 +46,12 @@ class BlockCholesky {
    * before it. */
   [[nodiscard]] bool append(const Matrix6d& diagonal,
                             const std::vector<std::pair<std::size_t, Matrix6d>>& columns);
-  using Moves = std::function<bool(std::size_t pose, const Vector6d& x)>;
+  using Visit = std::function<bool(std::size_t pose, const Vector6d& x)>;
   /** Solves H x = b where b is zero outside the poses given: exactly on the paths from them to the root of the
    * elimination tree, and on down from it below poses that move. What is left out would hardly move.
-   * \param moves  asked of each x once. Out: (pose, x), ancestors first.
+   * \param visit  gets each x once, ancestors first, and says whether that pose moves
    * Source: Kaess et al., iSAM2, IJRR 31(2), 2012 (partial state updates). */
-  std::vector<std::pair<std::size_t, Vector6d>> solveMoving(
-      const std::vector<std::pair<std::size_t, Vector6d>>& b, const Moves& moves) const;
+  void solveMoving(const std::vector<std::pair<std::size_t, Vector6d>>& b, const Visit& visit) const;
   /** Block of H^-1. */
   [[nodiscard]] Matrix6d inverseBlock(std::size_t pose) const;
   /** @} */

@@ -62,19 +62,26 @@ Eigen::Matrix3d inverseRightJacobian(const Eigen::Vector3d& theta) {
   return Eigen::Matrix3d::Identity() + 0.5 * W + factor * W * W;
 }
 
-/** Fills r, J_i, J_j of a factor before its loss; what it leaves is zero. */
+/** Where a factor's Jacobians go. */
+struct Jacobians {
+  Matrix6d &J_i, &J_j;
+};
+
+/** Fills r of a factor before its loss, and its Jacobians where they are wanted; what it leaves is zero. */
 struct Linearise {
   const std::vector<Pose>& T;
-  LinearFactor& out;
+  Vector6d& r;
+  const Jacobians* out;  ///< null: only r
 
   void operator()(const PriorFactor& f) const {
     const Eigen::Matrix3d R_E = f.T_map_body.linear().transpose() * T[f.i].linear();
     Vector6d e;
     e.head<3>() = rotationLog(R_E);
     e.tail<3>() = f.T_map_body.linear().transpose() * (T[f.i].translation() - f.T_map_body.translation());
-    out.r.noalias() = f.whitening * e;
-    out.J_i.leftCols<3>().noalias() = f.whitening.leftCols<3>() * inverseRightJacobian(e.head<3>());
-    out.J_i.rightCols<3>().noalias() = f.whitening.rightCols<3>() * R_E;
+    r.noalias() = f.whitening * e;
+    if (!out) return;
+    out->J_i.leftCols<3>().noalias() = f.whitening.leftCols<3>() * inverseRightJacobian(e.head<3>());
+    out->J_i.rightCols<3>().noalias() = f.whitening.rightCols<3>() * R_E;
   }
 
   void operator()(const BetweenFactor& f) const {
@@ -85,41 +92,57 @@ struct Linearise {
     Vector6d e;
     e.head<3>() = rotationLog(R_E);
     e.tail<3>() = R_j_i_measured * (p_i_j - f.T_i_j.translation());
-    out.r.noalias() = f.whitening * e;
+    r.noalias() = f.whitening * e;
+    if (!out) return;
     const Eigen::Matrix3d D = inverseRightJacobian(e.head<3>());
     Matrix6d J = Matrix6d::Zero();
     J.topLeftCorner<3, 3>() = D;
     J.bottomRightCorner<3, 3>() = R_E;
-    out.J_j.noalias() = f.whitening * J;
+    out->J_j.noalias() = f.whitening * J;
     // exp(-xi_i) on the left of R_i_j and p_i_j: -R_i_j' xi on the right, and p + [p]x xi - rho.
     J.topLeftCorner<3, 3>() = -D * R_i_j.transpose();
     J.bottomLeftCorner<3, 3>() = R_j_i_measured * skew(p_i_j);
     J.bottomRightCorner<3, 3>() = -R_j_i_measured;
-    out.J_i.noalias() = f.whitening * J;
+    out->J_i.noalias() = f.whitening * J;
   }
 
   void operator()(const PositionFactor& f) const {
     const Eigen::Matrix3d& R = T[f.i].linear();
-    out.r.head<3>() = f.whitening * (T[f.i] * f.p_body_antenna_m - f.z_map_antenna_m);
-    out.J_i.topLeftCorner<3, 3>() = -f.whitening * R * skew(f.p_body_antenna_m);
-    out.J_i.topRightCorner<3, 3>() = f.whitening * R;
+    r.head<3>() = f.whitening * (T[f.i] * f.p_body_antenna_m - f.z_map_antenna_m);
+    if (!out) return;
+    out->J_i.topLeftCorner<3, 3>() = -f.whitening * R * skew(f.p_body_antenna_m);
+    out->J_i.topRightCorner<3, 3>() = f.whitening * R;
   }
 
   void operator()(const AttitudeFactor& f) const {
     const Eigen::Vector3d e = rotationLog(f.R_map_body.transpose() * T[f.i].linear());
-    out.r.head<3>() = f.whitening * e;
-    out.J_i.topLeftCorner<3, 3>() = f.whitening * inverseRightJacobian(e);
+    r.head<3>() = f.whitening * e;
+    if (!out) return;
+    out->J_i.topLeftCorner<3, 3>() = f.whitening * inverseRightJacobian(e);
   }
 
   void operator()(const LevelFactor& f) const {
     const Eigen::Matrix3d& R = T[f.i].linear();
-    out.r.head<2>() = (R * f.up_body).head<2>() / f.sigma_rad;
-    out.J_i.topLeftCorner<2, 3>() = -(R * skew(f.up_body)).topRows<2>() / f.sigma_rad;
+    r.head<2>() = (R * f.up_body).head<2>() / f.sigma_rad;
+    if (!out) return;
+    out->J_i.topLeftCorner<2, 3>() = -(R * skew(f.up_body)).topRows<2>() / f.sigma_rad;
   }
 };
 
-const RobustLoss& lossOf(const Factor& factor) {
-  return std::visit([](const auto& f) -> const RobustLoss& { return f.loss; }, factor);
+/** Fills `residual`, and the Jacobians before the loss where they are wanted. \return the root of the loss's weight */
+double evaluate(const Factor& factor, const std::vector<Pose>& T_map_body, Residual& residual,
+                const Jacobians* jacobians) {
+  const std::size_t i = firstKey(factor), j = secondKey(factor);
+  if (i >= T_map_body.size() || (j != kNoPose && j >= T_map_body.size()))
+    throw std::out_of_range("linearise: a factor of a pose that is not there");
+  residual.r.setZero();
+  std::visit(Linearise{T_map_body, residual.r, jacobians}, factor);
+  const auto& loss = std::visit([](const auto& f) -> const RobustLoss& { return f.loss; }, factor);
+  residual.squared = residual.r.squaredNorm();
+  residual.cost = loss.cost(residual.squared);
+  const double root = std::sqrt(loss.weight(residual.squared));
+  residual.r *= root;
+  return root;
 }
 
 }  // namespace
@@ -136,18 +159,21 @@ std::size_t secondKey(const Factor& factor) {
   return between ? between->j : kNoPose;
 }
 
+Residual residualOf(const Factor& factor, const std::vector<Pose>& T_map_body) {
+  Residual residual;
+  evaluate(factor, T_map_body, residual, nullptr);
+  return residual;
+}
+
 LinearFactor linearise(const Factor& factor, const std::vector<Pose>& T_map_body,
                        std::optional<std::size_t> held) {
-  LinearFactor out{
-      firstKey(factor), secondKey(factor), Vector6d::Zero(), Matrix6d::Zero(), Matrix6d::Zero(), 0, 0};
-  if (out.i >= T_map_body.size() || (out.j != kNoPose && out.j >= T_map_body.size()))
-    throw std::out_of_range("linearise: a factor of a pose that is not there");
-  std::visit(Linearise{T_map_body, out}, factor);
-  out.squared = out.r.squaredNorm();
-  const RobustLoss& loss = lossOf(factor);
-  out.cost = loss.cost(out.squared);
-  const double root = std::sqrt(loss.weight(out.squared));
-  out.r *= root;
+  LinearFactor out;
+  out.i = firstKey(factor);
+  out.j = secondKey(factor);
+  out.J_i.setZero();
+  out.J_j.setZero();
+  const Jacobians jacobians{out.J_i, out.J_j};
+  const double root = evaluate(factor, T_map_body, out, &jacobians);
   out.J_i *= held == out.i ? 0 : root;
   out.J_j *= held == out.j ? 0 : root;
   return out;
@@ -155,13 +181,13 @@ LinearFactor linearise(const Factor& factor, const std::vector<Pose>& T_map_body
 
 double costOf(const PoseGraph& graph) {
   double sum = 0;
-  for (const Factor& factor : graph.factors) sum += linearise(factor, graph.T_map_body).cost;
+  for (const Factor& factor : graph.factors) sum += residualOf(factor, graph.T_map_body).cost;
   return 0.5 * sum;
 }
 
 double chiSquareOf(const PoseGraph& graph) {
   double sum = 0;
-  for (const Factor& factor : graph.factors) sum += linearise(factor, graph.T_map_body).squared;
+  for (const Factor& factor : graph.factors) sum += residualOf(factor, graph.T_map_body).squared;
   return sum;
 }
 

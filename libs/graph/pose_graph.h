@@ -80,19 +80,24 @@ struct PoseGraph {
 
 constexpr std::size_t kNoPose = std::numeric_limits<std::size_t>::max();
 
-/** A factor at one estimate: r and J scaled by the root of the loss's weight, so that J' J and J' r are what
- * it adds to the normal equations (iteratively re-weighted least squares). Factors with fewer than six rows
- * leave zeros below. */
-struct LinearFactor {
-  std::size_t i, j;  ///< j is kNoPose for a factor of one pose, and J_j then zero
-  Vector6d r;
-  Matrix6d J_i, J_j;
+/** What a factor says of one estimate. Factors with fewer than six rows leave zeros below. */
+struct Residual {
+  Vector6d r;      ///< scaled by the root of the loss's weight
   double squared;  ///< r' r before the loss
   double cost;     ///< rho(r' r)
 };
 
+/** A factor at one estimate: r and J scaled by the root of the loss's weight, so that J' J and J' r are what
+ * it adds to the normal equations (iteratively re-weighted least squares). */
+struct LinearFactor : Residual {
+  std::size_t i, j;   ///< j is kNoPose for a factor of one pose, and J_j then zero
+  Matrix6d J_i, J_j;  ///< with zeros below, as r
+};
+
 [[nodiscard]] std::size_t firstKey(const Factor& factor);
 [[nodiscard]] std::size_t secondKey(const Factor& factor);  ///< kNoPose if it has one
+/** \throws std::out_of_range if a key is no pose's */
+[[nodiscard]] Residual residualOf(const Factor& factor, const std::vector<Pose>& T_map_body);
 /** Residual and Jacobians; those of `held` are zero. \throws std::out_of_range if a key is no pose's. */
 [[nodiscard]] LinearFactor linearise(const Factor& factor, const std::vector<Pose>& T_map_body,
                                      std::optional<std::size_t> held = std::nullopt);

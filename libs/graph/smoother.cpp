@@ -130,21 +130,28 @@ void Smoother::relax() {
   bool all_at_rest = true;
   for (const std::size_t pose : std::exchange(x_restless, {})) {
     const Vector6d g = modelGradient(pose);
-    all_at_rest &= g.dot(x_information[pose].llt().solve(g)) < x_options.rest_sigma * x_options.rest_sigma;
+    all_at_rest = all_at_rest &&
+                  g.dot(x_information[pose].llt().solve(g)) < x_options.rest_sigma * x_options.rest_sigma;
     pushes.emplace_back(pose, -g);
   }
   if (all_at_rest) return;
   std::vector<std::size_t> far;
-  const auto moves = [&](std::size_t pose, const Vector6d& step) {
-    return inSigmas(pose, step) >= x_options.rest_sigma;
-  };
-  for (const auto& [pose, step] : x_L->solveMoving(pushes, moves))
-    if (move(pose, step)) far.push_back(pose);
+  x_L->solveMoving(pushes, [&](std::size_t pose, const Vector6d& step) {
+    const double way_sigma = inSigmas(pose, step);
+    if (way_sigma < x_options.rest_sigma) return false;  // not taken: what pushed the pose is still there
+    if (move(pose, step, way_sigma)) far.push_back(pose);
+    return true;
+  });
+  std::vector<std::size_t> in_doubt;
   for (const std::size_t pose : far) {
     x_since_check[pose] = {};
-    for (const std::size_t f : x_factors_of[pose])
-      if ((lineariseNow(f).r - x_in_L[f].r).norm() > x_options.model_sigma) x_stale.insert(f);
+    in_doubt.insert(in_doubt.end(), x_factors_of[pose].begin(), x_factors_of[pose].end());
   }
+  std::sort(in_doubt.begin(), in_doubt.end());
+  in_doubt.erase(std::unique(in_doubt.begin(), in_doubt.end()), in_doubt.end());  // of two poses: once
+  for (const std::size_t f : in_doubt)
+    if ((residualOf(x_graph.factors[f], x_graph.T_map_body).r - x_in_L[f].r).norm() > x_options.model_sigma)
+      x_stale.insert(f);
 }
 
 double Smoother::inSigmas(std::size_t pose, const Vector6d& step) const {
@@ -158,12 +165,9 @@ Vector6d Smoother::modelGradient(std::size_t pose) const {
   return g;
 }
 
-/** Moves a pose, and the residuals of its factors as the linear model has them; a step that is too small is not
- * taken, and what pushed the pose is then still there. \return whether it has come so far that the models of its
- * factors may be off: their errors are of second order, a turn times a way */
-bool Smoother::move(std::size_t pose, const Vector6d& step) {
-  const double way_sigma = inSigmas(pose, step);
-  if (way_sigma < x_options.rest_sigma) return false;
+/** Moves a pose, and the residuals of its factors as the linear model has them. \return whether it has come so far
+ * that the models of its factors may be off: their errors are of second order, a turn times a way */
+bool Smoother::move(std::size_t pose, const Vector6d& step, double way_sigma) {
   x_graph.T_map_body[pose] = x_graph.T_map_body[pose] * se3Exp(step);
   for (const std::size_t f : x_factors_of[pose])
     x_in_L[f].r += (x_in_L[f].i == pose ? x_in_L[f].J_i : x_in_L[f].J_j) * step;

@@ -68,7 +68,7 @@ class Smoother {
   [[nodiscard]] bool relineariseSome();
   [[nodiscard]] Vector6d modelGradient(std::size_t pose) const;
   [[nodiscard]] double inSigmas(std::size_t pose, const Vector6d& step) const;
-  bool move(std::size_t pose, const Vector6d& step);
+  bool move(std::size_t pose, const Vector6d& step, double way_sigma);
   [[nodiscard]] LinearFactor lineariseNow(std::size_t factor) const;
   [[nodiscard]] bool worthRenewing() const;
 

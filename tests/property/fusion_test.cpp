@@ -527,9 +527,9 @@ double evenChiSquareQuantile(double probability, int n) {
 }
 
 TEST(FilterProperty, ErrorsAreAsLargeAsTheFilterSays) {
-  constexpr int kRuns = 100, kEpochs = 20;
+  constexpr int kEpochs = 20;
   std::array<double, kEpochs> sum{};
-  forAll(kRuns, [&](Random& rnd) {
+  const int runs = forAll(100, [&](Random& rnd) {
     SimulatedDrive drive(rnd, FusionOptions());
     const std::array<HeadingKind, 3> kinds{HeadingKind::none, HeadingKind::course, HeadingKind::body};
     for (double& at_epoch : sum) {
@@ -542,7 +542,7 @@ TEST(FilterProperty, ErrorsAreAsLargeAsTheFilterSays) {
     }
   });
   // The sum over the runs is chi-square with 4 degrees of freedom a run.
-  const double low = evenChiSquareQuantile(0.025, 4 * kRuns), high = evenChiSquareQuantile(0.975, 4 * kRuns);
+  const double low = evenChiSquareQuantile(0.025, 4 * runs), high = evenChiSquareQuantile(0.975, 4 * runs);
   EXPECT_NEAR(evenChiSquareQuantile(0.025, 240), 198.984, 5e-4);  // printed tables
   EXPECT_NEAR(evenChiSquareQuantile(0.975, 240), 284.802, 5e-4);
   const auto inside =

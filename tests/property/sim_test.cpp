@@ -270,7 +270,7 @@ TEST(WorldProperty, RaysMeetTheFirstTriangle) {
   const Mesh mesh = sceneryMesh(lap.circuit, 3);
   const World world(mesh);
   int differ = 0, met = 0;
-  forAll(150, [&](Random& rnd) {
+  const int cast = forAll(150, [&](Random& rnd) {
     const Vector3d origin =
         lap.circuit.track.surface(rnd.uniform(0, 1100), rnd.uniform(-5, 5)).T_map_surface *
         Vector3d(0, 0, rnd.uniform(0.3, 2));
@@ -283,7 +283,7 @@ TEST(WorldProperty, RaysMeetTheFirstTriangle) {
     // Floats place a ray within 0.2 mm: at an edge it may pass on the other side.
     if (std::abs((hit.range_m > 0 ? hit.range_m : 150) - truth_m) > 1e-6) ++differ;
   });
-  EXPECT_GT(met, 75);
+  EXPECT_GT(met, cast / 2);
   EXPECT_LE(differ, 1);
 }
 

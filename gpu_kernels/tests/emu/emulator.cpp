@@ -13,7 +13,6 @@
 
 // ASan follows stacks: it has to be told of every switch.
 #if defined(__SANITIZE_ADDRESS__)
-#include <sanitizer/asan_interface.h>
 #include <sanitizer/common_interface_defs.h>
 #endif
 
@@ -28,7 +27,10 @@ enum class State { ready, at_barrier, at_shuffle, finished };
 
 struct Block;
 
+/** A stack that is used over and over, by one kernel after the other: making one costs more than most kernels do. */
 struct Fibre {
+  Fibre();
+
   ucontext_t context{};
   std::unique_ptr<char[]> stack{new char[kStack]};
   Block* block = nullptr;
@@ -45,6 +47,12 @@ struct Block {
   std::size_t finished = 0;
 };
 
+/** What ASan wants to know of a stack. */
+struct Bounds {
+  const void* bottom = nullptr;
+  std::size_t size = 0;
+};
+
 class Launch {
  public:
   Launch(const char* name, simt::Grid grid, int threads, std::uint64_t seed,
@@ -52,11 +60,12 @@ class Launch {
       : x_name(name), x_grid(grid), x_threads(threads), x_random(seed), x_kernel(kernel) {}
 
   void run();
-  void yield();
+  /** On a fibre: lets the scheduler go on; returns when it comes here again, in a later launch if this one is over. */
+  static void yield();
+  static void enter();
   [[nodiscard]] Fibre& current() { return *x_current; }
 
  private:
-  static void enter();
   void body();
   void start(Block& block, std::uint32_t number);
   void step(Fibre& fibre);
@@ -64,7 +73,6 @@ class Launch {
   void releaseWarp(Block& block, std::size_t first, std::size_t last);
   [[noreturn]] void fail(const Fibre& at, const std::string& what) const;
   std::size_t draw(std::size_t n) { return std::uniform_int_distribution<std::size_t>(0, n - 1)(x_random); }
-  void switchTo(ucontext_t& from, ucontext_t& to, const void* stack, std::size_t size, bool for_ever);
 
   std::string x_name;
   simt::Grid x_grid;
@@ -72,69 +80,77 @@ class Launch {
   std::mt19937_64 x_random;
   const std::function<void()>& x_kernel;
   std::vector<Fibre*> x_ready;
-  std::vector<std::unique_ptr<Fibre>> x_spare;
   ucontext_t x_scheduler{};
-  const void* x_scheduler_stack = nullptr;
-  std::size_t x_scheduler_size = 0;
+  Bounds x_scheduler_stack;
   Fibre* x_current = nullptr;
   std::exception_ptr x_thrown;
 };
 
 thread_local Launch* t_launch = nullptr;  // makecontext() passes no pointer
+thread_local std::vector<std::unique_ptr<Fibre>> t_spare;
 
-void Launch::switchTo(ucontext_t& from, ucontext_t& to, [[maybe_unused]] const void* stack,
-                      [[maybe_unused]] std::size_t size, [[maybe_unused]] bool for_ever) {
+/** Where the thread came from to this stack, whose fake stack, kept when it was left, is `mine`. */
+Bounds arrived([[maybe_unused]] void* mine) {
+  Bounds from;
 #if defined(__SANITIZE_ADDRESS__)
-  void* mine = nullptr;
-  __sanitizer_start_switch_fiber(for_ever ? nullptr : &mine, stack, size);
-  swapcontext(&from, &to);
-  __sanitizer_finish_switch_fiber(mine, nullptr, nullptr);
-#else
-  swapcontext(&from, &to);
+  __sanitizer_finish_switch_fiber(mine, &from.bottom, &from.size);
 #endif
+  return from;
+}
+
+Bounds switchTo(ucontext_t& from, ucontext_t& to, [[maybe_unused]] const Bounds& stack) {
+  void* mine = nullptr;
+#if defined(__SANITIZE_ADDRESS__)
+  __sanitizer_start_switch_fiber(&mine, stack.bottom, stack.size);
+#endif
+  swapcontext(&from, &to);
+  return arrived(mine);
+}
+
+Fibre::Fibre() {
+  getcontext(&context);
+  context.uc_stack.ss_sp = stack.get();
+  context.uc_stack.ss_size = kStack;
+  makecontext(&context, &Launch::enter, 0);
+  context.uc_stack = {};  // or ASan's swapcontext() would unpoison all of it, each time
 }
 
 void Launch::yield() {
-  Fibre& me = *x_current;
-  switchTo(me.context, x_scheduler, x_scheduler_stack, x_scheduler_size, me.state == State::finished);
+  const Bounds from =
+      switchTo(t_launch->x_current->context, t_launch->x_scheduler, t_launch->x_scheduler_stack);
+  t_launch->x_scheduler_stack = from;  // t_launch: not always the one of above
 }
 
-void Launch::enter() { t_launch->body(); }
+/** What a fibre does until it is deleted. */
+void Launch::enter() {
+  t_launch->x_scheduler_stack = arrived(nullptr);
+  while (true) {
+    t_launch->body();
+    yield();
+  }
+}
 
 void Launch::body() {
-#if defined(__SANITIZE_ADDRESS__)
-  __sanitizer_finish_switch_fiber(nullptr, &x_scheduler_stack, &x_scheduler_size);
-#endif
   try {
     x_kernel();
   } catch (...) {
     x_thrown = std::current_exception();
   }
   x_current->state = State::finished;
-  yield();
 }
 
 void Launch::start(Block& block, std::uint32_t number) {
   block = {};
   for (int t = 0; t < x_threads; ++t) {
-    auto fibre = std::make_unique<Fibre>();
-    if (!x_spare.empty()) {
-      fibre = std::move(x_spare.back());
-      x_spare.pop_back();
-    }
-#if defined(__SANITIZE_ADDRESS__)
-    __asan_unpoison_memory_region(fibre->stack.get(), kStack);
-#endif
+    if (t_spare.empty()) t_spare.push_back(std::make_unique<Fibre>());
+    auto fibre = std::move(t_spare.back());
+    t_spare.pop_back();
     fibre->block = &block;
     fibre->state = State::ready;
     fibre->coordinates = {{number % x_grid.x, number / x_grid.x},
                           x_grid,
                           static_cast<std::uint32_t>(t),
                           static_cast<std::uint32_t>(x_threads)};
-    getcontext(&fibre->context);
-    fibre->context.uc_stack.ss_sp = fibre->stack.get();
-    fibre->context.uc_stack.ss_size = kStack;
-    makecontext(&fibre->context, &Launch::enter, 0);
     x_ready.push_back(fibre.get());
     block.fibres.push_back(std::move(fibre));
   }
@@ -156,7 +172,7 @@ void Launch::run() {
     step(fibre);
     Block& block = *fibre.block;
     if (block.finished < block.fibres.size()) continue;
-    for (auto& spare : block.fibres) x_spare.push_back(std::move(spare));
+    for (auto& spare : block.fibres) t_spare.push_back(std::move(spare));
     block = {};
     if (waiting.empty()) continue;
     start(block, waiting.back());
@@ -166,7 +182,7 @@ void Launch::run() {
 
 void Launch::step(Fibre& fibre) {
   x_current = &fibre;
-  switchTo(x_scheduler, fibre.context, fibre.stack.get(), kStack, false);
+  switchTo(x_scheduler, fibre.context, {fibre.stack.get(), kStack});
   if (x_thrown) std::rethrow_exception(x_thrown);
   if (fibre.state == State::finished) ++fibre.block->finished;
   if (fibre.state == State::ready) {
@@ -174,6 +190,10 @@ void Launch::step(Fibre& fibre) {
   } else {
     settle(*fibre.block, fibre.coordinates.thread / simt::kWarp);
   }
+}
+
+bool same(const Place& a, const Place& b) {
+  return a.line == b.line && (a.file == b.file || std::strcmp(a.file, b.file) == 0);  // == costs less
 }
 
 /** Lets a warp or the block go on if all of it waits at one place. */
@@ -187,8 +207,7 @@ void Launch::settle(Block& block, std::uint32_t warp) {
       const Fibre& f = *block.fibres[i];
       if (f.state == State::ready) return false;
       if (f.state != state) continue;
-      if (leader != nullptr &&
-          (f.place.line != leader->place.line || std::strcmp(f.place.file, leader->place.file) != 0))
+      if (leader != nullptr && !same(f.place, leader->place))
         fail(f, "threads wait at different places, the other at line " + std::to_string(leader->place.line));
       leader = &f;
       ++there;
@@ -249,7 +268,7 @@ void waitForBlock(Place place) {
   Fibre& me = t_launch->current();
   me.place = place;
   me.state = State::at_barrier;
-  t_launch->yield();
+  Launch::yield();
 }
 
 double exchange(double value, int mask, Place place) {
@@ -258,11 +277,11 @@ double exchange(double value, int mask, Place place) {
   me.value = value;
   me.mask = mask;
   me.state = State::at_shuffle;
-  t_launch->yield();
+  Launch::yield();
   return me.value;
 }
 
-void giveWay() { t_launch->yield(); }
+void giveWay() { Launch::yield(); }
 
 void* sharedMemory(const void* tag, std::size_t bytes) {
   auto& memory = t_launch->current().block->shared[tag];
