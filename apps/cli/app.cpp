@@ -43,6 +43,8 @@ void stopWhenAsked() {
   for (const int signal : {SIGINT, SIGTERM}) sigaction(signal, &action, nullptr);
 }
 
+int stopSignal() { return asked_to_stop; }
+
 void requireNotStopped() {
   if (asked_to_stop != 0) throw Stopped(asked_to_stop, "stopped");
 }
@@ -114,6 +116,15 @@ void Progress::operator()(double share) {
 }
 
 std::string toolVersion() { return RACELOC_VERSION; }
+
+double cpuTime_s() {
+  rusage usage{};
+  getrusage(RUSAGE_SELF, &usage);
+  const auto seconds = [](const timeval& t) {
+    return static_cast<double>(t.tv_sec) + 1e-6 * static_cast<double>(t.tv_usec);
+  };
+  return seconds(usage.ru_utime) + seconds(usage.ru_stime);
+}
 
 double peakMemory_MiB() {
   rusage usage{};

@@ -29,6 +29,8 @@ class Stopped : public std::runtime_error {
 };
 /** From now on the first SIGINT or SIGTERM is a wish; the next one ends the process, as ever. */
 void stopWhenAsked();
+/** The signal's number after one, else 0. */
+[[nodiscard]] int stopSignal();
 /** \throws Stopped after such a signal */
 void requireNotStopped();
 
@@ -66,6 +68,8 @@ class Progress {
 
 [[nodiscard]] std::string toolVersion();  ///< "0.1.0"
 
+/** Time that all threads of this process have spent computing [s]. */
+[[nodiscard]] double cpuTime_s();
 /** Peak resident memory of this process [MiB], as the operating system counts it. */
 [[nodiscard]] double peakMemory_MiB();
 

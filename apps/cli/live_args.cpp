@@ -4,8 +4,11 @@
 #include <iostream>
 
 #include "cli/app.h"
+#include "cli/live_run.h"
 #include "cli/odometry_text.h"
 #include "core/errors.h"
+#include "pipeline/integrity_csv.h"
+#include "pipeline/line_stream.h"
 
 namespace raceloc {
 
@@ -16,6 +19,8 @@ constexpr char kHelp[] = R"(NAME
 
 SYNOPSIS
   raceloc-live -c INI -m MAP.rlmap -i RACE.rawlog [-o ANNOTATED.rawlog] [--trajectory RACE.tum]
+  raceloc-live -c INI -m MAP.rlmap -i RACE.rawlog --speed 1 [--record BLACKBOX.rawlog] ...
+  raceloc-live -c INI -m MAP.rlmap --sensors SENSORS.ini [--record BLACKBOX.rawlog] ...
   raceloc-live -c INI --odometry-only -i RACE.rawlog --trajectory ODOMETRY.tum
 
 DESCRIPTION
@@ -28,6 +33,12 @@ DESCRIPTION
   A GPS fix with a heading says where to look for the car, and a scan match there starts the filter.
   A map of another place, or not of the content hash that --map-hash demands (raceloc-map check prints it), is
   refused; a damaged tile of the right one is left out and named.
+  With --speed the log comes at that many times the pace of its stamps, as sensors would; with --sensors it comes
+  from MRPT's drivers, one a section of the file in rawlog-grabber's manner. Either way --record keeps all that
+  came in, in order of arrival: played with -i, it gives the same estimate and annotated log, bit for bit. Once a second
+  a line on stderr tells rate, state, sensors, age of the estimate and CPU; a sensor that falls silent is named there.
+  Ctrl-C or SIGTERM ends the run and keeps all files.
+  With [live] stream in INI each output goes as a line of JSON to the rest of the car: see share/clients/README.md.
   With --odometry-only there is no map and no GPS: LiDAR, IMU, wheel speed and steering alone, in the frame of the
   first scan, turned level by the accelerometer; it also tells what it learnt of the sensors' errors.
 
@@ -35,17 +46,21 @@ EXAMPLES
   raceloc-live -c ini/live.ini -m monza.rlmap -i race.rawlog -o out.rawlog --trajectory race.tum
   raceloc-live -c ini/live.ini -m monza.rlmap -i race.rawlog --disable 'gps_*' --trajectory lidar_only.tum
   raceloc-live -c ini/live.ini --odometry-only -i race.rawlog --trajectory odometry.tum
+  raceloc-live -c car.ini -m monza.rlmap --sensors sensors.ini --record run1.rawlog
   raceloc-live --print-ini > my_live.ini     every key with its meaning, range and default
 
 EXIT STATUS
-  0 the log was played to its end; 2 an input is missing or wrong (one line says which); 1 a fault of raceloc.
+  0 the log was played to its end; 130 or 143 Ctrl-C or SIGTERM ended it, and a line says what was kept; 2 an input is
+  missing or wrong (one line says which); 1 a fault of raceloc.
 )";
 
 void print(const ReplayReport& r) {
   std::printf("device           %s\n", r.device_reason.c_str());
   std::printf("recording        %.1f s; %zu outputs, %zu tile loads\n", r.recorded_s, r.outputs,
               r.tile_loads);
-  if (r.start->by_match)
+  if (!r.start)
+    std::printf("start            NONE: no fix with a heading, or no scan match near one\n");
+  else if (r.start->by_match)
     std::printf("start            after %.2f s: scan match %.2f m from the fix of %s\n",
                 r.start->stamp_s - r.first_s, r.start->match_to_fix_m, r.start->receiver.c_str());
   else
@@ -98,11 +113,39 @@ void print(const OdometryReport& r) {
                 r.level->roll_rad() / kDegree, r.level->pitch_rad() / kDegree, r.level->sigma_rad / kDegree);
 }
 
-/** Runs `play(progress)` with a line of progress. */
+/** Runs `play(goOn)` with a line of progress, until it ends or somebody wants no more of it. */
 template <class Play>
 auto played(const char* what, const Play& play) {
   Progress progress(what);
-  return play([&](double share) { progress(share); });
+  return play([&](double share) {
+    progress(share);
+    return stopSignal() == 0;
+  });
+}
+
+/** Which of the ways to run is meant. \throws InputError for arguments that do not go together. */
+void requireConsistent(const LiveArgs& args) {
+  const bool is_live = !args.sensors_path.empty() || args.speed;
+  if (args.ini_path.empty()) throw InputError("no options given: -c ini/live.ini (see --help)");
+  if (args.rawlog_path.empty() == args.sensors_path.empty())
+    throw InputError(args.rawlog_path.empty()
+                         ? "no log given: -i RACE.rawlog, or --sensors SENSORS.ini (see --help)"
+                         : "either -i RACE.rawlog or --sensors SENSORS.ini, not both");
+  if (args.speed && (args.rawlog_path.empty() || !(*args.speed > 0 && *args.speed <= 1000)))
+    throw InputError("--speed is for a log (-i), and must be > 0 .. 1000 times the pace of its stamps");
+  if (!args.record_path.empty() && !is_live)
+    throw InputError("--record is for --sensors or --speed: the log that is played is recorded already");
+  if (!args.odometry_only) {
+    if (args.map_path.empty())
+      throw InputError("no map given: -m MAP.rlmap, or --odometry-only (see --help)");
+    return;
+  }
+  if (is_live) throw InputError("--odometry-only plays a log (-i) as fast as it goes");
+  if (!args.map_path.empty() || !args.output_path.empty() || !args.integrity_path.empty())
+    throw InputError(
+        "--odometry-only takes no map (-m) and writes neither annotated log (-o) nor --integrity");
+  if (args.trajectory_path.empty())
+    throw InputError("--odometry-only needs --trajectory ODOMETRY.tum (see --help)");
 }
 
 }  // namespace
@@ -112,9 +155,19 @@ std::optional<LiveArgs> parseLiveArgs(int argc, char** argv) {
   TCLAP::ValueArg<std::string> ini("c", "config", "options; see --print-ini", false, "", "INI", cmd);
   TCLAP::ValueArg<std::string> map("m", "map", "the map, made by raceloc-map", false, "", "MAP.rlmap", cmd);
   TCLAP::ValueArg<std::string> log("i", "input", "the log to play", false, "", "RACE.rawlog", cmd);
+  TCLAP::ValueArg<double> speed(
+      "", "speed", "play it at so many times the pace of its stamps; without: as fast as it goes", false, 1.0,
+      "FACTOR", cmd);
+  TCLAP::ValueArg<std::string> sensors("", "sensors", "sensors to run on, instead of a log", false, "",
+                                       "SENSORS.ini", cmd);
+  TCLAP::ValueArg<std::string> record("", "record", "rawlog to keep all that comes in", false, "",
+                                      "BLACKBOX.rawlog", cmd);
   TCLAP::ValueArg<std::string> out("o", "output", "annotated rawlog to write", false, "", "OUT.rawlog", cmd);
   TCLAP::ValueArg<std::string> trajectory("", "trajectory", "estimate to write (TUM)", false, "", "RACE.tum",
                                           cmd);
+  TCLAP::ValueArg<std::string> integrity("", "integrity",
+                                         "state, protection levels and covariance of each estimate to write",
+                                         false, "", "RACE.csv", cmd);
   TCLAP::ValueArg<std::string> disable("", "disable", "switch off the sources of these labels, e.g. 'gps_*'",
                                        false, "", "LABELS", cmd);
   TCLAP::ValueArg<double> after("", "disable-after", "but hear them for this long first [s]", false, 1.0,
@@ -127,21 +180,20 @@ std::optional<LiveArgs> parseLiveArgs(int argc, char** argv) {
   TCLAP::SwitchArg verbose("v", "verbose", "also print the options in force", cmd);
   if (!cmd.parse(argc, argv)) return std::nullopt;
 
-  if (!print_ini.getValue()) {
-    if (!ini.isSet()) throw InputError("no options given: -c ini/live.ini (see --help)");
-    if (odometry_only.getValue()) {
-      if (map.isSet() || map_hash.isSet() || out.isSet())
-        throw InputError("--odometry-only takes no map (-m, --map-hash) and writes no annotated log (-o)");
-      if (!trajectory.isSet())
-        throw InputError("--odometry-only needs --trajectory ODOMETRY.tum (see --help)");
-    } else if (!map.isSet()) {
-      throw InputError("no map given: -m MAP.rlmap, or --odometry-only (see --help)");
-    }
-    if (!log.isSet()) throw InputError("no log given: -i RACE.rawlog (see --help)");
-  }
-  LiveArgs args{ini.getValue(),           map.getValue(),     log.getValue(),      out.getValue(),
-                trajectory.getValue(),    std::nullopt,       std::nullopt,        std::nullopt,
-                odometry_only.getValue(), verbose.getValue(), print_ini.getValue()};
+  LiveArgs args{};
+  args.ini_path = ini.getValue();
+  args.map_path = map.getValue();
+  args.rawlog_path = log.getValue();
+  args.sensors_path = sensors.getValue();
+  args.output_path = out.getValue();
+  args.trajectory_path = trajectory.getValue();
+  args.integrity_path = integrity.getValue();
+  args.record_path = record.getValue();
+  args.odometry_only = odometry_only.getValue();
+  args.verbose = verbose.getValue();
+  args.print_ini = print_ini.getValue();
+  if (speed.isSet()) args.speed = speed.getValue();
+  if (!args.print_ini) requireConsistent(args);
   if (disable.isSet()) args.disable_labels = disable.getValue();
   if (map_hash.isSet()) args.map_hash = map_hash.getValue();
   if (after.isSet()) {
@@ -163,24 +215,64 @@ void runLive(const LiveArgs& args) {
   if (args.verbose) std::cout << options.iniText() << "\n";
   std::optional<OutputFile> probe;  // an output that cannot be written is told before the work, not after
   if (!args.trajectory_path.empty()) probe.emplace(args.trajectory_path);
+  std::optional<LineStream> stream;
+  if (!options.live.stream.empty()) {
+    stream.emplace(options.live.stream);
+    std::fprintf(stderr, "raceloc-live: stream %s\n", stream->url().c_str());
+  }
 
+  stopWhenAsked();
   const auto start = std::chrono::steady_clock::now();
   double recorded_s = 0;
+  std::vector<std::string> kept;
+  std::optional<IntegrityCsv> integrity;
+  if (!args.integrity_path.empty()) integrity.emplace(args.integrity_path);
+  const Listener write = [&](const LocalizerOutput& output) {
+    if (integrity) integrity->write(output);
+  };
   const auto finish = [&](const auto& report) {
-    if (!args.trajectory_path.empty()) writeTum(args.trajectory_path, report.trajectory);
+    if (integrity) {
+      integrity->commit();
+      kept.push_back(args.integrity_path);
+    }
+    if (!args.trajectory_path.empty() && !report.trajectory.poses.empty()) {
+      writeTum(args.trajectory_path, report.trajectory);
+      kept.push_back(args.trajectory_path);
+    }
     print(report);
     recorded_s = report.recorded_s;
   };
-  if (args.odometry_only)
-    finish(played("odometry",
-                  [&](const auto& progress) { return replayOdometry(args.rawlog_path, options, progress); }));
-  else
-    finish(played("localizing", [&](const auto& progress) {
-      return replay(args.rawlog_path, args.map_path, args.output_path, options, progress);
-    }));
+  try {
+    if (args.odometry_only)
+      finish(played("odometry",
+                    [&](const auto& goOn) { return replayOdometry(args.rawlog_path, options, goOn); }));
+    else if (args.speed || !args.sensors_path.empty())
+      finish(runInCar(args, options, stream ? &*stream : nullptr, write, kept));
+    else
+      finish(played("localizing", [&](const auto& goOn) {
+        const Listener send = streaming(stream ? &*stream : nullptr, {});
+        const Listener listen = [&](const LocalizerOutput& output) {
+          if (send) send(output);
+          write(output);
+        };
+        ReplayReport report =
+            replay(args.rawlog_path, args.map_path, args.output_path, options, goOn, listen);
+        if (!args.output_path.empty()) kept.push_back(args.output_path);
+        return report;
+      }));
+  } catch (const InputError& e) {
+    if (stopSignal() != 0)
+      throw Stopped(stopSignal(), std::string("stopped early, nothing is kept: ") + e.what());
+    throw;
+  }
   const double wall_s = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
   std::printf("run              %.1f s wall for %.1f s recorded, peak memory %.0f MiB\n", wall_s, recorded_s,
               peakMemory_MiB());
+  if (stopSignal() != 0) {
+    char after[32];
+    std::snprintf(after, sizeof after, "%.1f", recorded_s);
+    throw Stopped(stopSignal(), std::string("stopped after ") + after + " s; kept " + listed(kept));
+  }
 }
 
 }  // namespace raceloc

@@ -27,9 +27,13 @@ std::string printable(std::string text) {
   return text;
 }
 
-/** The value without a trailing comment and without blanks around it. */
+/** The value without a trailing comment and without blanks around it. The `//` of an url begins no comment. */
 std::string bare(std::string text) {
-  for (const char* mark : {"//", "#", ";"}) text = text.substr(0, text.find(mark));
+  for (const char* mark : {"#", ";"}) text = text.substr(0, text.find(mark));
+  auto slashes = text.find("//");
+  while (slashes != std::string::npos && slashes > 0 && text[slashes - 1] == ':')
+    slashes = text.find("//", slashes + 2);
+  text = text.substr(0, slashes);
   const auto first = text.find_first_not_of(" \t\r");
   if (first == std::string::npos) return "";
   return text.substr(first, text.find_last_not_of(" \t\r") - first + 1);

@@ -103,12 +103,12 @@ EstimatorState FusionHistory::at(double stamp_s) {
   return state;
 }
 
-Arrival FusionHistory::add(const Control& control) {
+Acceptance FusionHistory::add(const Control& control) {
   x_made.clear();
-  if (!sound(control)) return Arrival::unsound;
+  if (!sound(control)) return Acceptance::unsound;
   const double newest_s = x_controls.back().stamp_s;
   if (control.stamp_s <= newest_s - x_options.lag_s || control.stamp_s <= x_base.stamp_s)
-    return Arrival::late;
+    return Acceptance::late;
 
   const auto place = std::upper_bound(x_controls.begin(), x_controls.end(), control, before);
   const double since_s = place == x_controls.begin() ? x_base.stamp_s : std::prev(place)->stamp_s;
@@ -124,27 +124,27 @@ Arrival FusionHistory::add(const Control& control) {
   else
     x_head = at(x_controls.back().stamp_s);
   forget();
-  return Arrival::taken;
+  return Acceptance::taken;
 }
 
-Arrival FusionHistory::add(const TimedFix& timed) {
+Acceptance FusionHistory::add(const TimedFix& timed) {
   x_made.clear();
-  if (!sound(timed)) return Arrival::unsound;
+  if (!sound(timed)) return Acceptance::unsound;
   const double newest_s = x_controls.back().stamp_s;
-  if (timed.stamp_s <= newest_s - x_options.lag_s || timed.stamp_s < x_base.stamp_s) return Arrival::late;
-  if (timed.stamp_s > newest_s + x_options.lag_s) return Arrival::ahead;
+  if (timed.stamp_s <= newest_s - x_options.lag_s || timed.stamp_s < x_base.stamp_s) return Acceptance::late;
+  if (timed.stamp_s > newest_s + x_options.lag_s) return Acceptance::ahead;
 
   const auto key = [](const TimedFix& t) { return std::tie(t.stamp_s, t.fix.source); };
   const auto place = std::lower_bound(x_fixes.begin(), x_fixes.end(), timed,
                                       [&](const TimedFix& a, const TimedFix& b) { return key(a) < key(b); });
-  if (place != x_fixes.end() && key(*place) == key(timed)) return Arrival::repeated;
+  if (place != x_fixes.end() && key(*place) == key(timed)) return Acceptance::repeated;
   x_fixes.insert(place, timed);
   const auto changed = std::find_if(x_groups.begin(), x_groups.end(), [&](const Group& group) {
     return timed.stamp_s < group.begin_s + x_options.group_s || timed.stamp_s <= group.begin_s;
   });
   redoFrom(static_cast<std::size_t>(changed - x_groups.begin()));
   x_head = at(newest_s);
-  return Arrival::taken;
+  return Acceptance::taken;
 }
 
 void FusionHistory::redoFrom(std::size_t number) {

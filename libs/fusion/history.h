@@ -18,7 +18,7 @@ struct HistoryOptions {
 };
 
 /** What became of a measurement. */
-enum class Arrival {
+enum class Acceptance {
   taken,
   late,      ///< older than the lag
   ahead,     ///< of the car's own clock, by more than the lag
@@ -46,8 +46,8 @@ class FusionHistory {
   FusionHistory(const EstimatorOptions& options, const HistoryOptions& history, const CarState& start,
                 const Control& rates);
 
-  Arrival add(const Control& control);
-  Arrival add(const TimedFix& fix);
+  Acceptance add(const Control& control);
+  Acceptance add(const TimedFix& fix);
 
   /** The estimate at an instant: back to the lag, and ahead of the newest control at its rates. */
   [[nodiscard]] EstimatorState at(double stamp_s);

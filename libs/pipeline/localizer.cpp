@@ -135,20 +135,20 @@ void Localizer::take(const GpsFix& fix) {
 
 void Localizer::enter(double stamp_s, PoseFix fix) {
   const std::string source = fix.source;
-  const Arrival arrival = x_fusion->add(TimedFix{stamp_s, std::move(fix)});
-  switch (arrival) {
-    case Arrival::taken:
+  const Acceptance acceptance = x_fusion->add(TimedFix{stamp_s, std::move(fix)});
+  switch (acceptance) {
+    case Acceptance::taken:
       break;
-    case Arrival::late:
+    case Acceptance::late:
       ++x_noted[source + ": fixes that came too late"];
       return;
-    case Arrival::ahead:
+    case Acceptance::ahead:
       ++x_noted[source + ": fixes ahead of the car's clock"];
       return;
-    case Arrival::repeated:
+    case Acceptance::repeated:
       ++x_noted[source + ": fixes that were there already"];
       return;
-    case Arrival::unsound:
+    case Acceptance::unsound:
       ++x_noted[source + ": fixes with a value that is none"];
       return;
   }

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <chrono>
+#include <memory>
 #include <optional>
 #include <utility>
 
@@ -23,6 +24,14 @@ void LiveOptions::describe(OptionList& keys) {
   keys.add("map_hash", map_hash, "the map must have this content hash, md5:...; empty: any");
   keys.add("map_reach_m", map_reach_m, above(0),
            "first fixes that are all farther than this from the map's tiles are of another place [m]");
+  keys.add(
+      "stream", stream,
+      "where each output goes as a line of JSON: udp://HOST:PORT, or tcp://HOST:PORT to listen there; empty: "
+      "nowhere");
+  keys.add("queue_length", queue_length, between(1, 100'000),
+           "live, so many observations wait for the localizer; then the oldest scan is dropped");
+  keys.add("silent_after_s", silent_after_s, above(0),
+           "live, a sensor is named when nothing came for so long [s]");
 }
 
 ReplayOptions ReplayOptions::fromIni(const std::string& path) {
@@ -60,10 +69,12 @@ std::string ReplayOptions::iniText() const {
 
 namespace {
 
-std::vector<std::string> sourcesOf(const LogSummary& summary, const std::string& gps_labels) {
+/** What may have a say in decisions, in the order of the annotated log's columns. */
+std::vector<std::string> sourcesOf(std::vector<std::string> receivers, const std::string& gps_labels) {
   std::vector<std::string> sources{"scan_match"};
-  for (const auto& device : summary.devices)
-    if (device.kind == "gps" && matchesLabel(gps_labels, device.label)) sources.push_back(device.label);
+  std::sort(receivers.begin(), receivers.end());
+  for (const auto& label : receivers)
+    if (matchesLabel(gps_labels, label)) sources.push_back(label);
   return sources;
 }
 
@@ -116,49 +127,35 @@ class Tally {
   std::vector<double> x_residuals_m, x_shares, x_iterations, x_times_s;
 };
 
-}  // namespace
-
-ReplayReport replay(const std::string& log_path, const std::string& map_path, const std::string& output_path,
-                    const ReplayOptions& options, const std::function<void(double)>& progress) {
+/** The loop of every run. */
+ReplayReport localize(LogReader& reader, const MapFile& map, const std::string& map_path,
+                      AnnotatedLog* annotated, const ReplayOptions& options, const GoOn& goOn,
+                      const Listener& listen) {
   using Clock = std::chrono::steady_clock;
-  const LogOptions& log = options.localizer.matching.log;
-  const MapFile map(map_path);
   requireHash(map, map_path, options.live.map_hash);
-  const GeodeticPoint origin = requireOrigin(map, map_path);
   PlaceCheck place(map, map_path, options.live.map_reach_m);
-  const LogSummary summary = summarizeRawlog(log_path);
-  requireDevices(summary, log);
-  requireDevice(summary, "gps", log.gps_labels);
-  requireDevice(summary, "vehicle", log.vehicle_labels);
-  requireOneClock(summary, log);
-
-  requireSomethingToDisable(summary, options.live.disable_labels);
-
-  std::optional<AnnotatedLog> annotated;
-  if (!output_path.empty())
-    annotated.emplace(output_path, origin, sourcesOf(summary, log.gps_labels),
-                      options.live.output_gzip_level);
-
   const DeviceOptions& device = options.localizer.matching.device;
   gpu::Context context(device.device, 0, device.threads);
   DeviceWatch watch(context, device.self_test_every_s);
   Localizer localizer(context, map, options.localizer);
-  LogReader reader(log_path, log, origin);
   ReplayReport report{};
-  report.first_s = summary.first_s;
-  report.recorded_s = summary.last_s - summary.first_s;
-  report.trajectory.origin = origin;
+  report.trajectory.origin = reader.origin();
   Tally tally(report);
+  std::optional<double> first_s;
 
   const auto hand = [&](const std::vector<LocalizerOutput>& outputs) {
     for (const auto& output : outputs) {
       tally.add(output);
       if (annotated) annotated->write(output);
+      if (listen) listen(output);
     }
   };
   while (const auto sample = reader.next()) {
-    progress(reader.progress());
-    const bool disabled = stampOf(*sample) >= summary.first_s + options.live.disable_after_s &&
+    if (!goOn(reader.progress())) break;
+    const double stamp_s = stampOf(*sample);
+    if (!first_s) first_s = stamp_s;
+    report.recorded_s = stamp_s - *first_s;
+    const bool disabled = stamp_s >= *first_s + options.live.disable_after_s &&
                           matchesLabel(options.live.disable_labels, labelOf(*sample));
     if (disabled) {
       ++report.disabled_samples;
@@ -166,7 +163,7 @@ ReplayReport replay(const std::string& log_path, const std::string& map_path, co
     }
     if (const auto* fix = std::get_if<GpsFix>(&*sample)) place.add(*fix);
     if (annotated) annotated->write(*sample);
-    watch.at(stampOf(*sample));
+    watch.at(stamp_s);
     const auto before = Clock::now();
     const auto outputs = localizer.add(*sample);
     const bool matched =
@@ -176,20 +173,71 @@ ReplayReport replay(const std::string& log_path, const std::string& map_path, co
   }
   hand(localizer.finish());
   tally.finish();
+  report.first_s = first_s.value_or(0);
   report.device_reason = context.reason();
   report.dropped_late = reader.droppedLate();
-  report.faults.merge(logFaults(summary, log, reader));
   report.start = localizer.startReport();
   report.passed_over = localizer.passedOver();
   report.tile_loads = localizer.tileLoads();
   report.searches = localizer.searches();
-  if (!localizer.started())
+  return report;
+}
+
+/** Null when none is wanted. */
+std::unique_ptr<AnnotatedLog> annotatedLog(const std::string& path, const GeodeticPoint& origin,
+                                           const std::vector<std::string>& receivers,
+                                           const ReplayOptions& options) {
+  if (path.empty()) return nullptr;
+  return std::make_unique<AnnotatedLog>(path, origin,
+                                        sourcesOf(receivers, options.localizer.matching.log.gps_labels),
+                                        options.live.output_gzip_level);
+}
+
+}  // namespace
+
+GeodeticPoint originOf(const std::string& map_path) { return requireOrigin(MapFile(map_path), map_path); }
+
+LogSummary requirePlayable(const std::string& log_path, const ReplayOptions& options) {
+  const LogOptions& log = options.localizer.matching.log;
+  LogSummary summary = summarizeRawlog(log_path);
+  requireDevices(summary, log);
+  requireDevice(summary, "gps", log.gps_labels);
+  requireDevice(summary, "vehicle", log.vehicle_labels);
+  requireOneClock(summary, log);
+  requireSomethingToDisable(summary, options.live.disable_labels);
+  return summary;
+}
+
+ReplayReport replay(const std::string& log_path, const std::string& map_path, const std::string& output_path,
+                    const ReplayOptions& options, const GoOn& goOn, const Listener& listen) {
+  const LogOptions& log = options.localizer.matching.log;
+  const MapFile map(map_path);
+  const GeodeticPoint origin = requireOrigin(map, map_path);
+  const LogSummary summary = requirePlayable(log_path, options);
+  const auto annotated = annotatedLog(output_path, origin, summary.gps_labels, options);
+  LogReader reader(log_path, log, origin);
+  ReplayReport report = localize(reader, map, map_path, annotated.get(), options, goOn, listen);
+  report.faults.merge(logFaults(summary, log, reader));
+  if (!report.start)
     throw InputError(
         "rawlog " + log_path + ": no start among " + std::to_string(report.recorded_s) +
         " s: neither a scan match near a fix with a heading (from an INS pose, or two fixes at " +
         std::to_string(options.localizer.policy.min_course_speed_mps) +
         " m/s or more), nor such fixes for start_patience_s, by GPS labelled " + log.gps_labels +
         "; is the map of this place?");
+  if (annotated) annotated->commit();
+  return report;
+}
+
+ReplayReport localizeLive(const LiveInput& input, const std::string& map_path, const std::string& output_path,
+                          const ReplayOptions& options, const Listener& listen) {
+  const MapFile map(map_path);
+  const GeodeticPoint origin = requireOrigin(map, map_path);
+  const auto annotated = annotatedLog(output_path, origin, input.gps_labels, options);
+  LogReader reader(input.next, options.localizer.matching.log, origin, input.header);
+  ReplayReport report = localize(
+      reader, map, map_path, annotated.get(), options, [](double) { return true; }, listen);
+  report.faults.merge(stampFaults(reader));
   if (annotated) annotated->commit();
   return report;
 }
@@ -208,8 +256,7 @@ void turnLevel(Trajectory& trajectory, const Level& last) {
 
 }  // namespace
 
-OdometryReport replayOdometry(const std::string& log_path, const ReplayOptions& options,
-                              const std::function<void(double)>& progress) {
+OdometryReport replayOdometry(const std::string& log_path, const ReplayOptions& options, const GoOn& goOn) {
   const MatchingOptions& matching = options.localizer.matching;
   const LogSummary summary = summarizeRawlog(log_path);
   requireDevices(summary, matching.log);
@@ -225,7 +272,7 @@ OdometryReport replayOdometry(const std::string& log_path, const ReplayOptions& 
     report.level = step.level;
   };
   while (auto sample = reader.next()) {
-    progress(reader.progress());
+    if (!goOn(reader.progress())) break;
     if (stampOf(*sample) >= summary.first_s + options.live.disable_after_s &&
         matchesLabel(options.live.disable_labels, labelOf(*sample)))
       continue;

@@ -1,5 +1,5 @@
 /** \file
- * Localization of a whole log: what `raceloc-live` runs. */
+ * Localization of a log or of a live run: what `raceloc-live` runs. */
 #pragma once
 
 #include <functional>
@@ -19,6 +19,9 @@ struct LiveOptions {
   int output_gzip_level = 0;
   std::string map_hash;
   double map_reach_m = 1000;
+  std::string stream;
+  int queue_length = 400;
+  double silent_after_s = 1.0;
   void describe(OptionList& keys);
 };
 
@@ -46,14 +49,41 @@ struct ReplayReport {
   Trajectory trajectory;
 };
 
+/** Hears of each output while a run goes on. */
+using Listener = std::function<void(const LocalizerOutput&)>;
+/** Is told the share of a log that is done, 0..1. \return false: the log shall end here */
+using GoOn = std::function<bool(double)>;
+
+/** What a log has to hold before it is localized. \throws InputError for a log that cannot be read, one without a LiDAR,
+ * vehicle or GPS of the configured labels, with several clocks, or without what shall be switched off. */
+[[nodiscard]] LogSummary requirePlayable(const std::string& log_path, const ReplayOptions& options);
+
 /** Runs a log through the localizer, in order of its stamps, as fast as it goes.
  * \param output_path  annotated rawlog, see AnnotatedLog; empty: none
- * \throws InputError for a log or map that cannot be read, a map without georeference, of another hash or of another
- * place (see map_check.h), a log without a LiDAR of the configured label, without a GPS to start from, or one in which
- * no start was found. */
+ * \throws InputError as requirePlayable() does, for a map that cannot be read, has no georeference, or is of another hash
+ * or place (map_check.h), and for a log in which no start was found. */
 [[nodiscard]] ReplayReport replay(const std::string& log_path, const std::string& map_path,
                                   const std::string& output_path, const ReplayOptions& options,
-                                  const std::function<void(double)>& progress);
+                                  const GoOn& goOn, const Listener& listen = {});
+
+/** A run that goes on while its observations come. */
+struct LiveInput {
+  LogHeader header;                     ///< as that of the log of it
+  std::vector<std::string> gps_labels;  ///< of the receivers that may come
+  NextObservation next;                 ///< waits
+};
+
+/** Runs observations through the localizer as they come. replay() is the same loop behind the same LogReader: of a log
+ * that holds the observations in the order in which `next` gave them, below the same header, it makes the same
+ * estimates and the same annotated log, bit for bit. It may find no start: then the report has none.
+ * \throws InputError for a map that cannot be read or has no georeference, and what `next` throws; what came before is
+ * then in no file. */
+[[nodiscard]] ReplayReport localizeLive(const LiveInput& input, const std::string& map_path,
+                                        const std::string& output_path, const ReplayOptions& options,
+                                        const Listener& listen);
+
+/** Origin of a map's frame. \throws InputError if it cannot be read or has no georeference. */
+[[nodiscard]] GeodeticPoint originOf(const std::string& map_path);
 
 /** What odometry without a map tells. */
 struct OdometryReport {
@@ -69,6 +99,6 @@ struct OdometryReport {
 /** LIV odometry of a log, without a map. \throws InputError for a log that cannot be read or has no scan of the
  * configured label. */
 [[nodiscard]] OdometryReport replayOdometry(const std::string& log_path, const ReplayOptions& options,
-                                            const std::function<void(double)>& progress);
+                                            const GoOn& goOn);
 
 }  // namespace raceloc

@@ -22,7 +22,29 @@ std::string originText(const GeodeticPoint& origin) {
   return text;
 }
 
+constexpr char kGpsLabels[] = "gps_labels = ";
+
 }  // namespace
+
+LogHeader withGpsLabels(LogHeader header, const std::vector<std::string>& labels) {
+  if (labels.empty() || !gpsLabelsIn(header).empty()) return header;
+  if (!header.text.empty() && header.text.back() != '\n') header.text += '\n';
+  header.text += std::string("[sensors]\n") + kGpsLabels;
+  for (const auto& label : labels) header.text += label + " ";
+  header.text.back() = '\n';
+  return header;
+}
+
+std::vector<std::string> gpsLabelsIn(const LogHeader& header) {
+  std::istringstream lines(header.text);
+  const std::string key = kGpsLabels;
+  for (std::string line; std::getline(lines, line);) {
+    if (line.compare(0, key.size(), key) != 0) continue;
+    std::istringstream words(line.substr(key.size()));
+    return {std::istream_iterator<std::string>(words), {}};
+  }
+  return {};
+}
 
 CObservationComment toObservation(const LogHeader& header) {
   CObservationComment comment;

@@ -4,6 +4,7 @@
 
 #include <optional>
 #include <string>
+#include <vector>
 
 #include "core/types.h"
 
@@ -23,5 +24,9 @@ struct LogHeader {
 
 /** Inverse of toObservation(). A comment that is none of ours is all text. */
 [[nodiscard]] LogHeader headerIn(const mrpt::obs::CObservationComment& comment);
+
+/** The header, and in it which GPS receivers there are: one of them may never speak. Labels have no blanks. */
+[[nodiscard]] LogHeader withGpsLabels(LogHeader header, const std::vector<std::string>& labels);
+[[nodiscard]] std::vector<std::string> gpsLabelsIn(const LogHeader& header);  ///< empty: it does not say
 
 }  // namespace raceloc

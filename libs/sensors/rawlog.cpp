@@ -108,12 +108,15 @@ void LogOptions::describe(OptionList& keys) {
 LogSummary summarizeRawlog(const std::string& path) {
   RawlogObjects objects(path);
   LogSummary summary{
-      path, {}, {}, std::numeric_limits<double>::infinity(), -std::numeric_limits<double>::infinity(), {}};
+      path, {}, {}, std::numeric_limits<double>::infinity(), -std::numeric_limits<double>::infinity(),
+      {},   {}};
   std::optional<GeodeticPoint> first_fix;
   DeviceTally tally;
   while (const auto observation = objects.next()) {
     if (const auto* comment = dynamic_cast<const CObservationComment*>(observation.get())) {
-      if (!summary.origin) summary.origin = headerIn(*comment).origin;
+      const LogHeader header = headerIn(*comment);
+      if (!summary.origin) summary.origin = header.origin;
+      summary.gps_labels = gpsLabelsIn(header);
       continue;
     }
     if (const auto position = positionIn(*observation)) {
@@ -130,6 +133,10 @@ LogSummary summarizeRawlog(const std::string& path) {
   summary.devices = tally.devices();
   if (summary.devices.empty()) throw InputError("rawlog " + path + ": empty, it holds no observation");
   if (!summary.origin) summary.origin = first_fix;
+  for (auto& label : labelsIn(summary, "gps")) summary.gps_labels.push_back(std::move(label));
+  std::sort(summary.gps_labels.begin(), summary.gps_labels.end());
+  summary.gps_labels.erase(std::unique(summary.gps_labels.begin(), summary.gps_labels.end()),
+                           summary.gps_labels.end());
   return summary;
 }
 
@@ -200,19 +207,28 @@ std::vector<std::string> missingDevices(const LogSummary& summary, const LogOpti
 LogReader::LogReader(const std::string& path, const LogOptions& options,
                      std::optional<GeodeticPoint> map_origin)
     : x_options(options),
-      x_objects(std::make_unique<RawlogObjects>(path)),
+      x_file(std::make_unique<RawlogObjects>(path)),
+      x_next([file = x_file.get()] { return file->next(); }),
       x_map_origin(map_origin),
+      x_order(options.reorder_window_s) {}
+
+LogReader::LogReader(NextObservation observations, const LogOptions& options, const GeodeticPoint& map_origin,
+                     const LogHeader& header)
+    : x_options(options),
+      x_next(std::move(observations)),
+      x_map_origin(map_origin),
+      x_header_origin(header.origin),
       x_order(options.reorder_window_s) {}
 
 LogReader::~LogReader() = default;
 
-double LogReader::progress() const { return x_objects->progress(); }
+double LogReader::progress() const { return x_file ? x_file->progress() : 0; }
 
 std::optional<Sample> LogReader::next() {
   for (;;) {
     if (auto sample = x_order.next()) return sample;
     if (x_at_end) return std::nullopt;
-    if (const auto observation = x_objects->next()) {
+    if (const auto observation = x_next()) {
       take(*observation);
     } else {
       x_at_end = true;
@@ -272,13 +288,6 @@ Observation observationAt(double stamp_s, const std::string& label) {
   o.timestamp = toMrptStamp(stamp_s);
   o.sensorLabel = label;
   return o;
-}
-
-CObservationRawDAQ daqOf(const MotionSample& motion, std::vector<double> values) {
-  auto daq = observationAt<CObservationRawDAQ>(motion.stamp_s, motion.label);
-  daq.AIN_channel_count = static_cast<std::uint16_t>(values.size());
-  daq.AIN_double = std::move(values);
-  return daq;
 }
 
 }  // namespace
@@ -378,19 +387,17 @@ void LogWriter::writeSample(const ImuSample& imu) {
 }
 
 void LogWriter::writeSample(const MotionSample& motion) {
-  if (motion.steering_rad) write(daqOf(motion, {motion.speed_mps, *motion.steering_rad}));
-  auto o = observationAt<CObservationOdometry>(motion.stamp_s, motion.label);
-  o.hasVelocities = true;
-  o.velocityLocal = {motion.speed_mps, 0, motion.yaw_rate_rps};
-  write(o);
+  for (const auto& observation : toObservations(motion)) write(*observation);
 }
 
 void LogWriter::writeSample(const Scan& scan) { write(*toObservation(scan)); }
 
 void LogWriter::writeVehicleAsDaq(const MotionSample& motion) {
-  write(
-      daqOf(motion, {motion.speed_mps, motion.steering_rad.value_or(std::numeric_limits<double>::quiet_NaN()),
-                     motion.yaw_rate_rps}));
+  auto daq = observationAt<CObservationRawDAQ>(motion.stamp_s, motion.label);
+  daq.AIN_double = {motion.speed_mps, motion.steering_rad.value_or(std::numeric_limits<double>::quiet_NaN()),
+                    motion.yaw_rate_rps};
+  daq.AIN_channel_count = static_cast<std::uint16_t>(daq.AIN_double.size());
+  write(daq);
 }
 
 void LogWriter::writePose(double stamp_s, const std::string& label, const Pose& T_map_body,

@@ -13,6 +13,7 @@
 #pragma once
 
 #include <cstddef>
+#include <functional>
 #include <map>
 #include <memory>
 #include <optional>
@@ -57,6 +58,7 @@ struct LogSummary {
   std::optional<GeodeticPoint> origin;  ///< of the header, else of the first valid GGA
   double first_s, last_s;               ///< of the observations that have a stamp; infinities if none has
   Eigen::AlignedBox3d fixes_earth_m;  ///< where all its GGA are, earth-centred and -fixed; empty without one
+  std::vector<std::string> gps_labels;  ///< of the receivers in it and of those that its header names, sorted
 };
 
 /** Reads the log once, without decoding points.
@@ -81,6 +83,9 @@ void requireDevices(const LogSummary& summary, const LogOptions& options);
  * \throws InputError naming the first such device of those that `options` let through. */
 void requireOneClock(const LogSummary& summary, const LogOptions& options);
 
+/** Gives the observations of a log or of sensors one by one, in the order in which they came; null at the end. */
+using NextObservation = std::function<std::shared_ptr<mrpt::obs::CObservation>()>;
+
 /** Streams the samples of a log in order of time; equal stamps keep the order of the file.
  *
  * Samples wait until one that is `reorder_window_s` younger has been read; see SampleOrder. One that comes later than
@@ -99,6 +104,10 @@ class LogReader {
  public:
   /** \throws InputError if the file cannot be read. */
   LogReader(const std::string& path, const LogOptions& options, std::optional<GeodeticPoint> map_origin = {});
+  /** Of a log that is still being written: the same observations, read from its file later, give the same samples.
+   * next() waits as long as `observations` does, and passes on what that throws. */
+  LogReader(NextObservation observations, const LogOptions& options, const GeodeticPoint& map_origin,
+            const LogHeader& header);
   ~LogReader();
   LogReader(const LogReader&) = delete;
   LogReader& operator=(const LogReader&) = delete;
@@ -106,7 +115,7 @@ class LogReader {
   /** Empty at the end of the log. \throws InputError as summarizeRawlog() does. */
   [[nodiscard]] std::optional<Sample> next();
   [[nodiscard]] std::optional<GeodeticPoint> origin() const { return x_map_origin; }  ///< of the map frame
-  [[nodiscard]] double progress() const;                                              ///< of the file, 0..1
+  [[nodiscard]] double progress() const;  ///< of the file, 0..1; without a file 0
   [[nodiscard]] std::size_t droppedLate() const { return x_unsound + x_order.droppedLate(); }
   /** Samples whose stamps are ahead of all others', by label; see SampleOrder. */
   [[nodiscard]] const std::map<std::string, std::size_t>& leftOut() const { return x_order.leftOut(); }
@@ -120,7 +129,8 @@ class LogReader {
   [[nodiscard]] bool isWanted(const mrpt::obs::CObservation& observation) const;
 
   LogOptions x_options;
-  std::unique_ptr<RawlogObjects> x_objects;
+  std::unique_ptr<RawlogObjects> x_file;  ///< null without a file
+  NextObservation x_next;
   bool x_at_end = false;
   std::optional<GeodeticPoint> x_map_origin, x_header_origin;
   SampleOrder x_order;

@@ -10,22 +10,10 @@
 #include <new>
 
 #include "core/errors.h"
+#include "sensors/mrpt_message.h"
 #include "sensors/packed_file.h"
 
 namespace raceloc {
-
-namespace {
-
-/** What MRPT says, without its banner and back trace. */
-std::string messageOf(const std::exception& e) {
-  const std::string text = e.what();
-  const std::string tag = "Message:";
-  const auto tagged = text.find(tag);
-  const auto begin = text.find_first_not_of(" \t\r\n", tagged == std::string::npos ? 0 : tagged + tag.size());
-  return begin == std::string::npos ? "" : text.substr(begin, text.find('\n', begin) - begin);
-}
-
-}  // namespace
 
 RawlogObjects::RawlogObjects(const std::string& path)
     : x_path(path), x_file(std::make_unique<PackedFile>(path)) {
@@ -77,7 +65,7 @@ void RawlogObjects::readAhead() {
     throw;
   } catch (const std::exception& e) {
     throw InputError("rawlog " + x_path + ": truncated, damaged or of an unknown class after " +
-                     std::to_string(x_objects) + " objects (" + messageOf(e) +
+                     std::to_string(x_objects) + " objects (" + mrptMessage(e.what()) +
                      "); cut it there with rawlog-edit, or record it again");
   }
 }

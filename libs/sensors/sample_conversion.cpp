@@ -4,10 +4,12 @@
 #include <mrpt/obs/CObservationIMU.h>
 #include <mrpt/obs/CObservationOdometry.h>
 #include <mrpt/obs/CObservationPointCloud.h>
+#include <mrpt/obs/CObservationRawDAQ.h>
 #include <mrpt/obs/CObservationRobotPose.h>
 #include <mrpt/obs/CObservationVelodyneScan.h>
 
 #include <cmath>
+#include <cstdint>
 #include <utility>
 
 #include "sensors/gps_conversion.h"
@@ -22,6 +24,7 @@ using mrpt::obs::CObservationGPS;
 using mrpt::obs::CObservationIMU;
 using mrpt::obs::CObservationOdometry;
 using mrpt::obs::CObservationPointCloud;
+using mrpt::obs::CObservationRawDAQ;
 using mrpt::obs::CObservationRobotPose;
 using mrpt::obs::CObservationVelodyneScan;
 using mrpt::obs::gnss::Message_NMEA_GGA;
@@ -182,6 +185,25 @@ std::optional<Sample> sampleIn(const CObservation& o, const MapFrames& frames) {
     return MotionSample{fromMrptStamp(o.timestamp), label, velocity.vx, velocity.omega};
   }
   return std::nullopt;
+}
+
+std::vector<std::shared_ptr<CObservation>> toObservations(const MotionSample& motion) {
+  std::vector<std::shared_ptr<CObservation>> observations;
+  if (motion.steering_rad) {
+    auto daq = CObservationRawDAQ::Create();
+    daq->AIN_double = {motion.speed_mps, *motion.steering_rad};
+    daq->AIN_channel_count = static_cast<std::uint16_t>(daq->AIN_double.size());
+    observations.push_back(std::move(daq));
+  }
+  auto wheels = CObservationOdometry::Create();
+  wheels->hasVelocities = true;
+  wheels->velocityLocal = {motion.speed_mps, 0, motion.yaw_rate_rps};
+  observations.push_back(std::move(wheels));
+  for (const auto& o : observations) {
+    o->timestamp = toMrptStamp(motion.stamp_s);
+    o->sensorLabel = motion.label;
+  }
+  return observations;
 }
 
 bool isSound(const CObservation& observation, const Sample& sample) {

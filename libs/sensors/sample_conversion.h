@@ -2,8 +2,10 @@
  * What sample an observation of a rawlog holds: the decoding that all readers share. */
 #pragma once
 
+#include <memory>
 #include <optional>
 #include <string>
+#include <vector>
 
 #include "core/samples.h"
 
@@ -43,6 +45,11 @@ struct MapFrames {
  * \throws InputError as scanFromObservation() does. */
 [[nodiscard]] std::optional<Sample> sampleIn(const mrpt::obs::CObservation& observation,
                                              const MapFrames& frames);
+
+/** Speed and yaw rate as CObservationOdometry, and before it, if there is steering, CObservationRawDAQ {speed,
+ * steering}. */
+[[nodiscard]] std::vector<std::shared_ptr<mrpt::obs::CObservation>> toObservations(
+    const MotionSample& motion);
 
 /** Whether the observation has a stamp, and the sample made of it only finite values. */
 [[nodiscard]] bool isSound(const mrpt::obs::CObservation& observation, const Sample& sample);

@@ -167,9 +167,9 @@ TEST(FusionHistoryProperty, AnyOrderOfArrivalGivesTheBitsOfTheRightOrder) {
 
     FusionHistory a = started(), b = started();
     for (const auto& message : in_order)
-      EXPECT_EQ(std::visit([&](const auto& m) { return a.add(m); }, message), Arrival::taken);
+      EXPECT_EQ(std::visit([&](const auto& m) { return a.add(m); }, message), Acceptance::taken);
     for (const auto& message : shuffled)
-      EXPECT_EQ(std::visit([&](const auto& m) { return b.add(m); }, message), Arrival::taken);
+      EXPECT_EQ(std::visit([&](const auto& m) { return b.add(m); }, message), Acceptance::taken);
     EXPECT_EQ(a.newest().stamp_s, b.newest().stamp_s);
     EXPECT_EQ(a.newest().car.mean, b.newest().car.mean);
     EXPECT_EQ(a.newest().car.covariance, b.newest().car.covariance);
@@ -183,21 +183,21 @@ TEST(FusionHistoryProperty, AnyOrderOfArrivalGivesTheBitsOfTheRightOrder) {
 
 TEST(FusionHistory, WhatIsTooLateAheadRepeatedOrNoNumberIsNamed) {
   FusionHistory history = started();
-  for (int i = 1; i <= 200; ++i) EXPECT_EQ(history.add(Control{0.01 * i, 70, 0}), Arrival::taken);
+  for (int i = 1; i <= 200; ++i) EXPECT_EQ(history.add(Control{0.01 * i, 70, 0}), Acceptance::taken);
   const PoseFix fix{"gps_left", {140, 0}, 0.01 * Eigen::Matrix2d::Identity()};
-  EXPECT_EQ(history.add(TimedFix{2.0, fix}), Arrival::taken);
-  EXPECT_EQ(history.add(TimedFix{2.0, fix}), Arrival::repeated);
-  EXPECT_EQ(history.add(TimedFix{0.9, fix}), Arrival::late);
-  EXPECT_EQ(history.add(TimedFix{3.1, fix}), Arrival::ahead);
-  EXPECT_EQ(history.add(Control{0.9, 70, 0}), Arrival::late);
-  EXPECT_EQ(history.add(Control{2.01, std::nan(""), 0}), Arrival::unsound);
+  EXPECT_EQ(history.add(TimedFix{2.0, fix}), Acceptance::taken);
+  EXPECT_EQ(history.add(TimedFix{2.0, fix}), Acceptance::repeated);
+  EXPECT_EQ(history.add(TimedFix{0.9, fix}), Acceptance::late);
+  EXPECT_EQ(history.add(TimedFix{3.1, fix}), Acceptance::ahead);
+  EXPECT_EQ(history.add(Control{0.9, 70, 0}), Acceptance::late);
+  EXPECT_EQ(history.add(Control{2.01, std::nan(""), 0}), Acceptance::unsound);
   for (const auto& spoil : std::vector<std::function<void(TimedFix&)>>{
            [](TimedFix& t) { t.stamp_s = std::nan(""); }, [](TimedFix& t) { t.fix.p_map_m.x() = HUGE_VAL; },
            [](TimedFix& t) { t.fix.cov_p_m2.setZero(); }, [](TimedFix& t) { t.fix.cov_p_m2(0, 0) = -1; },
            [](TimedFix& t) { t.fix.heading = HeadingKind::body, t.fix.heading_sigma_rad = 0; }}) {
     TimedFix bad{1.95, fix};
     spoil(bad);
-    EXPECT_EQ(history.add(bad), Arrival::unsound);
+    EXPECT_EQ(history.add(bad), Acceptance::unsound);
   }
 }
 

@@ -54,6 +54,16 @@ class RunningCommand {
   }
 
   [[nodiscard]] pid_t pid() const { return x_pid; }
+  /** What it has said on stderr by now. */
+  [[nodiscard]] std::string errSoFar() const {
+    std::string text;
+    std::array<char, 4096> block{};
+    const auto read = [&] {  // pread: the program writes at the position that both share
+      return pread(fileno(x_err), block.data(), block.size(), static_cast<off_t>(text.size()));
+    };
+    for (auto n = read(); n > 0; n = read()) text.append(block.data(), static_cast<std::size_t>(n));
+    return text;
+  }
   void kill(int signal = SIGKILL) const { ::kill(x_pid, signal); }
   CommandResult wait() {
     int status = 0;

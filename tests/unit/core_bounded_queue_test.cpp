@@ -1,6 +1,7 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <chrono>
 #include <memory>
 #include <thread>
 #include <vector>
@@ -49,6 +50,28 @@ TEST(BoundedQueue, AfterTheConsumerLeftPushTellsSo) {
   EXPECT_FALSE(queue.push(3));
   EXPECT_EQ(queue.pop(), 1);
   EXPECT_EQ(queue.pop(), std::nullopt);
+}
+
+TEST(BoundedQueue, PushedOverItDropsTheFirstThatIsExpendable) {
+  const auto isOdd = [](int item) { return item % 2 == 1; };
+  BoundedQueue<int> queue(3);
+  for (const int item : {2, 3, 5}) EXPECT_EQ(queue.pushOver(item, isOdd), std::nullopt);
+  EXPECT_EQ(queue.pushOver(6, isOdd), 3);
+  EXPECT_EQ(queue.pushOver(8, isOdd), 5);
+  EXPECT_EQ(queue.pushOver(9, isOdd), 2);  // none is: the first of all
+  queue.close();
+  EXPECT_EQ(queue.pushOver(10, isOdd), 10);
+  EXPECT_FALSE(queue.isAtEnd());
+  for (const int item : {6, 8, 9}) EXPECT_EQ(queue.pop(), item);
+  EXPECT_TRUE(queue.isAtEnd());
+}
+
+TEST(BoundedQueue, WaitsNoLongerThanItIsTold) {
+  BoundedQueue<int> queue(1);
+  EXPECT_EQ(queue.popWithin(std::chrono::milliseconds(1)), std::nullopt);
+  std::thread producer([&] { queue.push(7); });
+  EXPECT_EQ(queue.popWithin(std::chrono::milliseconds(60'000)), 7);
+  producer.join();
 }
 
 TEST(BoundedQueue, ClosedItWakesWhoWaits) {

@@ -247,6 +247,12 @@ TEST(Options, FreeFormSectionIsSortedByKey) {
   EXPECT_NO_THROW(ini.rejectUnknownSections());
 }
 
+TEST(Options, AnUrlIsNoComment) {
+  const TemporaryFolder folder;
+  IniFile ini(written(folder, "urls.ini", "[urls]\na = udp://127.0.0.1:9750 // there\nb = x//y\n"));
+  EXPECT_THAT(ini.pairs("urls"), ElementsAre(Pair("a", "udp://127.0.0.1:9750"), Pair("b", "x")));
+}
+
 TEST(Options, NearestNameIsEmptyWhenNothingIsNear) {
   EXPECT_EQ(nearestName("registraton", {"map", "registration"}), "registration");
   EXPECT_EQ(nearestName("REGISTRATION", {"map", "registration"}), "registration");
