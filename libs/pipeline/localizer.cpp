@@ -66,6 +66,14 @@ void LocalizerPolicy::describe(OptionList& keys) {
            "after so many scan matches in a row that cannot be trusted, the car is looked for around a fix");
 }
 
+void TrialOptions::describe(OptionList& keys) {
+  keys.add("noise_labels", noise_labels,
+           "for experiments only: sources whose positions get white noise, e.g. scan_match; empty: none");
+  keys.add("noise_m", noise_m, atLeast(0), "its sigma on each axis [m]");
+  keys.add("noise_after_s", noise_after_s, atLeast(0), "so long after the start [s]");
+  keys.add("noise_seed", noise_seed, atLeast(0), "of the noise");
+}
+
 Localizer::Localizer(gpu::Context& context, const MapFile& map, const LocalizerOptions& options)
     : x_history(options.matching.motion, options.matching.calibration),
       x_context(context),
@@ -74,7 +82,8 @@ Localizer::Localizer(gpu::Context& context, const MapFile& map, const LocalizerO
                  options.matching.covariance),
       x_options(options),
       x_surface(map.content(), options.surface),
-      x_window(context, map, options.matching.registration.voxel_size_m, options.policy.map_radius_m) {
+      x_window(context, map, options.matching.registration.voxel_size_m, options.policy.map_radius_m),
+      x_trial_engine(static_cast<unsigned>(options.trial.noise_seed)) {
   (void)Estimator(options.estimator);  // options that contradict each other are refused before the first fix
 }
 
@@ -135,6 +144,7 @@ void Localizer::take(const GpsFix& fix) {
 
 void Localizer::enter(double stamp_s, PoseFix fix) {
   const std::string source = fix.source;
+  fix.p_map_m += trialNoise(source, stamp_s);
   const Acceptance acceptance = x_fusion->add(TimedFix{stamp_s, std::move(fix)});
   switch (acceptance) {
     case Acceptance::taken:
@@ -153,6 +163,15 @@ void Localizer::enter(double stamp_s, PoseFix fix) {
       return;
   }
   if (!x_fusion->made().empty()) x_new_decision = x_fusion->made().back();
+}
+
+Eigen::Vector2d Localizer::trialNoise(const std::string& source, double stamp_s) {
+  const TrialOptions& trial = x_options.trial;
+  if (!matchesLabel(trial.noise_labels, source) || stamp_s < x_start->stamp_s + trial.noise_after_s)
+    return Eigen::Vector2d::Zero();
+  std::normal_distribution<double> normal(0, trial.noise_m);
+  const double east_m = normal(x_trial_engine), north_m = normal(x_trial_engine);
+  return {east_m, north_m};
 }
 
 std::optional<PoseFix> Localizer::carFix(const GpsFix& fix, const Receiver& receiver) const {

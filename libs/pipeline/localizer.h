@@ -7,6 +7,7 @@
 
 #include <map>
 #include <optional>
+#include <random>
 #include <string>
 #include <vector>
 
@@ -33,6 +34,15 @@ struct LocalizerPolicy {
   void describe(OptionList& keys);
 };
 
+/** Section [trial]: what a source says is made worse on purpose, as in the paper's experiment. */
+struct TrialOptions {
+  std::string noise_labels;
+  double noise_m = 5;
+  double noise_after_s = 2;
+  int noise_seed = 1;
+  void describe(OptionList& keys);
+};
+
 struct LocalizerOptions {
   MatchingOptions matching;
   EstimatorOptions estimator;
@@ -41,6 +51,7 @@ struct LocalizerOptions {
   TrackSurfaceOptions surface;
   LocalizerPolicy policy;
   SearchOptions search;
+  TrialOptions trial;
 };
 
 /** How the filter came by its first pose. */
@@ -128,6 +139,7 @@ class Localizer {
   void matchSweep(const Sweep& sweep);
   /** A fix goes into the history; what becomes of it is noted. */
   void enter(double stamp_s, PoseFix fix);
+  [[nodiscard]] Eigen::Vector2d trialNoise(const std::string& source, double stamp_s);
   void believe(double stamp_s, const Registration& match);
 
   /** The car's motion by its wheels; where they say nothing, at the last speed and yaw rate. */
@@ -173,6 +185,7 @@ class Localizer {
   TrackSurface x_surface;
   TileWindow x_window;
   FaultCounts x_noted;
+  std::mt19937 x_trial_engine;
   std::optional<double> x_height_above_road_m;  ///< of the rear axle
   int x_failed_matches = 0;                     ///< in a row
   bool x_by_wheels = true;

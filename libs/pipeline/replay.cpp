@@ -48,6 +48,7 @@ ReplayOptions ReplayOptions::fromIni(const std::string& path) {
   ini.load("track_surface", localizer.surface);
   ini.load("localizer", localizer.policy);
   ini.load("search", localizer.search);
+  ini.load("trial", localizer.trial);
   ini.load("live", options.live);
   ini.rejectUnknownSections();
   return options;
@@ -62,7 +63,8 @@ std::string ReplayOptions::iniText() const {
         raceloc::iniText("recovery", estimator.recovery), raceloc::iniText("history", localizer.history),
         raceloc::iniText("integrity", localizer.integrity),
         raceloc::iniText("track_surface", localizer.surface), raceloc::iniText("localizer", localizer.policy),
-        raceloc::iniText("search", localizer.search), raceloc::iniText("live", live)})
+        raceloc::iniText("search", localizer.search), raceloc::iniText("trial", localizer.trial),
+        raceloc::iniText("live", live)})
     text += "\n" + section;
   return text;
 }
