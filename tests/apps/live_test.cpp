@@ -47,7 +47,7 @@ TEST(Live, PlayingItsBlackBoxGivesTheSameBits) {
   EXPECT_EQ(readFile(live / "race.tum"), readFile(again / "race.tum"));
   EXPECT_TRUE(readFile(live / "out.rawlog") == readFile(again / "out.rawlog"));
   EXPECT_THAT(live.names(), UnorderedElementsAre("box.rawlog", "out.rawlog", "race.tum"));
-  if (paced.err.find("DROPPED") != std::string::npos)
+  if (paced.out.find("dropped, the localizer was too slow") != std::string::npos)
     return;  // a slow machine, on which the log cannot be kept up with
   (void)require(runCommand(liveCommand(ini("live.ini"), kDrive.map(), kDrive.race(), from_log)));
   EXPECT_EQ(readFile(live / "race.tum"), readFile(from_log / "race.tum"));

@@ -22,10 +22,10 @@ using namespace test;
 using ::testing::HasSubstr;
 
 LocalizerOutput someOutput() {
-  Matrix6d covariance = Matrix6d::Zero();
-  for (int i = 0; i < 36; ++i) covariance(i / 6, i % 6) = 0.25 * i;
-  LocalizerOutput output{
-      1.5e9 + 0.125, poseFromRpy({1, 2, 3}, 0.1, -0.2, 0.3), covariance, true, {}, {}, {}, {}, {}};
+  LocalizerOutput output{};
+  output.stamp_s = 1.5e9 + 0.125;
+  output.T_map_body = poseFromRpy({1, 2, 3}, 0.1, -0.2, 0.3);
+  for (int i = 0; i < 36; ++i) output.covariance(i / 6, i % 6) = 0.25 * i;
   output.decision = GateDecision{GateRule::rejected_some,
                                  {{"scan_match", 0.1, 5, 0.4, 1, true}, {"gps_left", 8.5, 5, 0.01, 0, false}},
                                  false};
