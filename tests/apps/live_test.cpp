@@ -222,6 +222,8 @@ TEST_F(BadLive, ArgumentsThatDoNotGoTogether) {
   const auto play = liveCommand(ini("live.ini"), kDrive.map(), kDrive.race(), out);
   expectRefused(with(play, {"--speed", "0"}), {"--speed"});
   expectRefused(with(play, {"--record", out / "box.rawlog"}), {"--record"});
+  expectRefused(with(play, {"--speed", "1", "--record", kDrive.race()}), {kDrive.race(), "is an input too"});
+  expectRefused(with(play, {"--speed", "1", "--record", out / "out.rawlog"}), {"written twice"});
   expectRefused(with(play, {"--sensors", in / "s.ini"}), {"not both"});
   expectRefused({app("raceloc-live"), "-c", ini("live.ini"), "--odometry-only", "-i", kDrive.race(),
                  "--speed", "1", "--trajectory", out / "x.tum"},
