@@ -6,7 +6,9 @@
 
 #include <atomic>
 #include <cstdio>
+#include <filesystem>
 #include <iostream>
+#include <system_error>
 #include <utility>
 
 #include "core/errors.h"
@@ -113,6 +115,27 @@ void Progress::operator()(double share) {
   std::fprintf(stderr, "\r\033[K%s [%s] %3.0f %%, %.0f s left", x_what.c_str(), bar.c_str(), 100 * share,
                left_s);
   std::fflush(stderr);
+}
+
+namespace {
+
+/** One file under two names, whether it is there or not. */
+bool isSame(const std::string& a, const std::string& b) {
+  std::error_code unknown;
+  return !a.empty() && !b.empty() &&
+         std::filesystem::weakly_canonical(a, unknown) == std::filesystem::weakly_canonical(b, unknown);
+}
+
+}  // namespace
+
+void requireApart(const std::vector<std::string>& inputs, const std::vector<std::string>& outputs) {
+  for (auto output = outputs.begin(); output != outputs.end(); ++output) {
+    for (const std::string& input : inputs)
+      if (isSame(input, *output))
+        throw InputError("output " + *output + ": is an input too; give it another name");
+    for (auto other = outputs.begin(); other != output; ++other)
+      if (isSame(*other, *output)) throw InputError("output " + *output + ": is to be written twice");
+  }
 }
 
 std::string toolVersion() { return RACELOC_VERSION; }

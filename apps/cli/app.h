@@ -66,6 +66,9 @@ class Progress {
   bool x_visible;
 };
 
+/** Empty names are files that nobody asked for. \throws InputError for an output that is an input, or another output. */
+void requireApart(const std::vector<std::string>& inputs, const std::vector<std::string>& outputs);
+
 [[nodiscard]] std::string toolVersion();  ///< "0.1.0"
 
 /** Time that all threads of this process have spent computing [s]. */

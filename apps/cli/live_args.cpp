@@ -135,6 +135,8 @@ void requireConsistent(const LiveArgs& args) {
     throw InputError("--speed is for a log (-i), and must be > 0 .. 1000 times the pace of its stamps");
   if (!args.record_path.empty() && !is_live)
     throw InputError("--record is for --sensors or --speed: the log that is played is recorded already");
+  requireApart({args.ini_path, args.map_path, args.rawlog_path, args.sensors_path},
+               {args.output_path, args.trajectory_path, args.record_path});
   if (!args.odometry_only) {
     if (args.map_path.empty())
       throw InputError("no map given: -m MAP.rlmap, or --odometry-only (see --help)");

@@ -55,23 +55,6 @@ EXIT STATUS
   1 a fault of raceloc; 130 or 143 it was stopped.
 )";
 
-/** One file under two names, whether it is there or not. */
-bool isSame(const std::string& a, const std::string& b) {
-  std::error_code unknown;
-  return std::filesystem::weakly_canonical(a, unknown) == std::filesystem::weakly_canonical(b, unknown);
-}
-
-/** \throws InputError for an output that is an input, or another output. */
-void requireApart(const std::vector<std::string>& inputs, const std::vector<std::string>& outputs) {
-  for (auto output = outputs.begin(); output != outputs.end(); ++output) {
-    for (const std::string& input : inputs)
-      if (!input.empty() && isSame(input, *output))
-        throw InputError("output " + *output + ": is an input too; give it another name");
-    for (auto other = outputs.begin(); other != output; ++other)
-      if (isSame(*other, *output)) throw InputError("output " + *output + ": is to be written twice");
-  }
-}
-
 std::string besides(const std::string& map_path, const std::string& extension) {
   return std::filesystem::path(map_path).replace_extension(extension).string();
 }

@@ -34,6 +34,11 @@ void LiveOptions::describe(OptionList& keys) {
            "live, a sensor is named when nothing came for so long [s]");
 }
 
+ReplayOptions::ReplayOptions() {
+  // Only motion waits to be put in order; what comes later finds its place in the localizer's history.
+  localizer.matching.log.reorder_window_s = 0.05;
+}
+
 ReplayOptions ReplayOptions::fromIni(const std::string& path) {
   ReplayOptions options;
   IniFile ini(path);
@@ -217,7 +222,7 @@ ReplayReport replay(const std::string& log_path, const std::string& map_path, co
   const GeodeticPoint origin = requireOrigin(map, map_path);
   const LogSummary summary = requirePlayable(log_path, options);
   const auto annotated = annotatedLog(output_path, origin, summary.gps_labels, options);
-  LogReader reader(log_path, log, origin);
+  LogReader reader(log_path, log, origin, Late::passed);
   ReplayReport report = localize(reader, map, map_path, annotated.get(), options, goOn, listen);
   report.faults.merge(logFaults(summary, log, reader));
   if (!report.start)
@@ -236,7 +241,7 @@ ReplayReport localizeLive(const LiveInput& input, const std::string& map_path, c
   const MapFile map(map_path);
   const GeodeticPoint origin = requireOrigin(map, map_path);
   const auto annotated = annotatedLog(output_path, origin, input.gps_labels, options);
-  LogReader reader(input.next, options.localizer.matching.log, origin, input.header);
+  LogReader reader(input.next, options.localizer.matching.log, origin, input.header, Late::passed);
   ReplayReport report = localize(
       reader, map, map_path, annotated.get(), options, [](double) { return true; }, listen);
   report.faults.merge(stampFaults(reader));
@@ -267,7 +272,7 @@ OdometryReport replayOdometry(const std::string& log_path, const ReplayOptions& 
   gpu::Context context(matching.device.device, 0, matching.device.threads);
   DeviceWatch watch(context, matching.device.self_test_every_s);
   OdometryStream stream = odometryStream(context, matching);
-  LogReader reader(log_path, matching.log);
+  LogReader reader(log_path, matching.log, std::nullopt, Late::passed);
   OdometryReport report{};
   const auto take = [&](const OdometryStep& step) {
     report.trajectory.poses.push_back({step.stamp_s, step.T_odom_body});

@@ -26,6 +26,7 @@ struct LiveOptions {
 };
 
 struct ReplayOptions {
+  ReplayOptions();
   LocalizerOptions localizer;
   LiveOptions live;
   /** \throws InputError as IniFile does. */

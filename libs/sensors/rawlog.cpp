@@ -205,20 +205,20 @@ std::vector<std::string> missingDevices(const LogSummary& summary, const LogOpti
 // ---- Reading
 
 LogReader::LogReader(const std::string& path, const LogOptions& options,
-                     std::optional<GeodeticPoint> map_origin)
+                     std::optional<GeodeticPoint> map_origin, Late late)
     : x_options(options),
       x_file(std::make_unique<RawlogObjects>(path)),
       x_next([file = x_file.get()] { return file->next(); }),
       x_map_origin(map_origin),
-      x_order(options.reorder_window_s) {}
+      x_order(options.reorder_window_s, late) {}
 
 LogReader::LogReader(NextObservation observations, const LogOptions& options, const GeodeticPoint& map_origin,
-                     const LogHeader& header)
+                     const LogHeader& header, Late late)
     : x_options(options),
       x_next(std::move(observations)),
       x_map_origin(map_origin),
       x_header_origin(header.origin),
-      x_order(options.reorder_window_s) {}
+      x_order(options.reorder_window_s, late) {}
 
 LogReader::~LogReader() = default;
 

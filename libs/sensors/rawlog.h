@@ -89,7 +89,7 @@ using NextObservation = std::function<std::shared_ptr<mrpt::obs::CObservation>()
 /** Streams the samples of a log in order of time; equal stamps keep the order of the file.
  *
  * Samples wait until one that is `reorder_window_s` younger has been read; see SampleOrder. One that comes later than
- * that, when a younger one has already gone out, is dropped and counted, and so is one without a stamp or with a value
+ * that, when a younger one has already gone out, is dropped and counted (or passed: see Late), and so is one without a stamp or with a value
  * that is not finite, and one whose stamp is far ahead of all others.
  *
  * The map frame is that of `map_origin` when given, else of the header's origin, else of the first GGA with a
@@ -103,11 +103,12 @@ using NextObservation = std::function<std::shared_ptr<mrpt::obs::CObservation>()
 class LogReader {
  public:
   /** \throws InputError if the file cannot be read. */
-  LogReader(const std::string& path, const LogOptions& options, std::optional<GeodeticPoint> map_origin = {});
+  LogReader(const std::string& path, const LogOptions& options, std::optional<GeodeticPoint> map_origin = {},
+            Late late = Late::dropped);
   /** Of a log that is still being written: the same observations, read from its file later, give the same samples.
    * next() waits as long as `observations` does, and passes on what that throws. */
   LogReader(NextObservation observations, const LogOptions& options, const GeodeticPoint& map_origin,
-            const LogHeader& header);
+            const LogHeader& header, Late late = Late::dropped);
   ~LogReader();
   LogReader(const LogReader&) = delete;
   LogReader& operator=(const LogReader&) = delete;

@@ -18,15 +18,22 @@ bool areOneKind(const Sample& a, const Sample& b) {
   return a.index() == b.index() || (is_gps(a) && is_gps(b));
 }
 
+bool isMotion(const Sample& s) {
+  return std::holds_alternative<MotionSample>(s) || std::holds_alternative<ImuSample>(s);
+}
+
 }  // namespace
 
-SampleOrder::SampleOrder(double window_s)
-    : x_window_s(window_s), x_leap_s(std::max(kLeastLeap_s, 0.5 * window_s)) {}
+SampleOrder::SampleOrder(double window_s, Late late)
+    : x_window_s(window_s), x_leap_s(std::max(kLeastLeap_s, 0.5 * window_s)), x_late_policy(late) {}
 
 void SampleOrder::add(Sample sample) {
   const double stamp_s = stampOf(sample);
   if (stamp_s < x_last_out_s) {
-    ++x_late;
+    if (x_late_policy == Late::passed && !isMotion(sample))
+      x_passed.push_back(std::move(sample));
+    else
+      ++x_late;
     return;
   }
   const double before_s = x_clock_s;
@@ -73,6 +80,11 @@ void SampleOrder::end() {
 }
 
 std::optional<Sample> SampleOrder::next() {
+  if (!x_passed.empty()) {
+    Sample first = std::move(x_passed.front());
+    x_passed.pop_front();
+    return first;
+  }
   if (x_waiting.empty()) return std::nullopt;
   const auto first = x_waiting.begin();
   if (!x_at_end && x_clock_s - first->first <= x_window_s && x_waiting.size() <= kMaxHeld)

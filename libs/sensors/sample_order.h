@@ -3,6 +3,7 @@
 #pragma once
 
 #include <cstddef>
+#include <deque>
 #include <functional>
 #include <limits>
 #include <map>
@@ -13,6 +14,13 @@
 #include "core/samples.h"
 
 namespace raceloc {
+
+/** What becomes of a fix, an INS pose or a scan that is older than what has gone out already. Motion is always dropped
+ * then: who integrates it needs it in order. */
+enum class Late {
+  dropped,  ///< and counted
+  passed,   ///< goes out at once, for a reader that can put it in its place
+};
 
 /** Samples wait until the clock is `window_s` past their stamps: then what is late by less is in order. Equal stamps
  * keep the order in which they came.
@@ -28,9 +36,9 @@ namespace raceloc {
  * Bounded: it holds at most 20 000 samples more than the window asks for, when stamps stand still. */
 class SampleOrder {
  public:
-  explicit SampleOrder(double window_s);
+  explicit SampleOrder(double window_s, Late late = Late::dropped);
 
-  /** One that is older than what has already gone out is dropped and counted. */
+  /** One that is older than what has already gone out is dropped and counted, or passed. */
   void add(Sample sample);
   void end();  ///< no more will come
   /** The next one; none while it has to wait for more, or after the last. */
@@ -53,9 +61,11 @@ class SampleOrder {
   void settle(double slack_s);
 
   double x_window_s, x_leap_s;
+  Late x_late_policy;
   double x_clock_s = -std::numeric_limits<double>::infinity(), x_last_out_s = x_clock_s;
   bool x_at_end = false;
   std::multimap<double, Sample> x_waiting;  ///< by stamp
+  std::deque<Sample> x_passed;              ///< late ones that go out next
   std::vector<Ahead> x_ahead;               ///< leaps, in the order in which they came
   std::size_t x_late = 0;
   std::map<std::string, std::size_t> x_left_out;

@@ -202,12 +202,14 @@ OpenSensors openSensors(const std::string& ini_path) {
     const auto pairs = ini.pairs(name);
     if (name == "global") continue;
     const Section section{ini_path, name, {pairs.begin(), pairs.end()}};
-    if (!labels.insert(section.require("sensorLabel")).second)
-      throw section.bad("sensorLabel = " + section.require("sensorLabel") +
-                        " is another sensor's; give each its own");
+    const std::string label = section.require("sensorLabel");
+    if (label.find_first_of(" \t,") != std::string::npos)
+      throw section.bad("sensorLabel = " + label + ", but it must be one word");
+    if (!labels.insert(label).second)
+      throw section.bad("sensorLabel = " + label + " is another sensor's; give each its own");
     const std::string driver = section.require("driver");
     sensors.feeds.push_back(driver == kVehicle ? vehicleFeed(section) : driverFeed(section));
-    if (driver == kGps) sensors.gps_labels.push_back(section.require("sensorLabel"));
+    if (driver == kGps) sensors.gps_labels.push_back(label);
   }
   if (sensors.feeds.empty())
     throw InputError("sensors " + ini_path + ": no sensor in it; add a section with driver = ...");

@@ -7,6 +7,7 @@
 #include <unistd.h>
 
 #include <array>
+#include <cmath>
 #include <cstdint>
 #include <cstdio>
 #include <cstdlib>
@@ -18,7 +19,11 @@ namespace {
 // a program with a JSON library at hand has better.
 double number(const std::string& line, const std::string& key) {
   const auto at = line.find("\"" + key + "\":");
-  return at == std::string::npos ? 0 : std::strtod(line.c_str() + at + key.size() + 3, nullptr);
+  if (at == std::string::npos) return NAN;
+  const char* begin = line.c_str() + at + key.size() + 3;
+  char* end = nullptr;
+  const double value = std::strtod(begin, &end);
+  return end == begin ? NAN : value;  // null
 }
 
 std::string word(const std::string& line, const std::string& key) {

@@ -22,16 +22,16 @@ using namespace test;
 using ::testing::HasSubstr;
 
 LocalizerOutput someOutput() {
-  Matrix6d covariance = Matrix6d::Zero();
-  for (int i = 0; i < 36; ++i) covariance(i / 6, i % 6) = 0.25 * i;
-  LocalizerOutput output{
-      1.5e9 + 0.125, poseFromRpy({1, 2, 3}, 0.1, -0.2, 0.3), covariance, 70, 0.4, true, {}, {}, {}, {}};
-  output.decision =
-      DatedDecision{1.5e9,
-                    {},
-                    {GateRule::rejected_some,
-                     {{"scan_match", 0.1, 5, 0.4, 1, true}, {"gps_left", 8.5, 5, 0.01, 0, false}},
-                     false}};
+  LocalizerOutput output{};
+  output.stamp_s = 1.5e9 + 0.125;
+  output.T_map_body = poseFromRpy({1, 2, 3}, 0.1, -0.2, 0.3);
+  for (int i = 0; i < 36; ++i) output.covariance(i / 6, i % 6) = 0.25 * i;
+  output.speed_mps = 70;
+  output.yaw_rate_rps = 0.4;
+  output.decision = DatedDecision{};
+  output.decision->decision = {GateRule::rejected_some,
+                               {{"scan_match", 0.1, 5, 0.4, 1, true}, {"gps_left", 8.5, 5, 0.01, 0, false}},
+                               false};
   output.integrity = {
       LocalizationState::degraded, "gps_left: leaves the others", 8.5, 5, {0.3, 0.4, 0.01}, 1.5};
   return output;

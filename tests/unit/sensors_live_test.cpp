@@ -212,6 +212,7 @@ TEST_F(SensorsLive, BadSectionsAreRefusedInOneLine) {
       AllOf(HasSubstr("section [a]"), HasSubstr("CGPSInterfce"), HasSubstr("did you mean CGPSInterface")));
   EXPECT_THAT(refusal("[a]\nsensorLabel = a\n"), AllOf(HasSubstr("section [a]"), HasSubstr("no driver")));
   EXPECT_THAT(refusal("[a]\ndriver = CGPSInterface\n"), HasSubstr("no sensorLabel"));
+  EXPECT_THAT(refusal("[a]\ndriver = CGPSInterface\nsensorLabel = left one\n"), HasSubstr("one word"));
   EXPECT_THAT(refusal("[a]\ndriver = CGPSInterface\nsensorLabel = a\n"), HasSubstr("no COM_port_LIN"));
   EXPECT_THAT(refusal(gpsSection("a", "/dev/nowhere")),
               AllOf(HasSubstr("/dev/nowhere cannot be opened"), HasSubstr("No such file")));
