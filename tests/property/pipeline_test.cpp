@@ -86,8 +86,9 @@ class LocalizerTest : public ::testing::Test {
     return worst_m;
   }
   static std::size_t alarms(const std::vector<LocalizerOutput>& outputs) {
-    return static_cast<std::size_t>(std::count_if(
-        outputs.begin(), outputs.end(), [](const auto& o) { return o.decision && o.decision->decision.alarm; }));
+    return static_cast<std::size_t>(std::count_if(outputs.begin(), outputs.end(), [](const auto& o) {
+      return o.decision && o.decision->decision.alarm;
+    }));
   }
 
   Random rnd_{21};
@@ -183,6 +184,71 @@ TEST_F(LocalizerTest, WithoutAnInsTheCourseStartsIt) {
       drive([](Sample& sample, Random&) { return !std::holds_alternative<InsPose>(sample); });
   ASSERT_TRUE(start_);
   EXPECT_LT(worstError_m(outputs), kMatch_m);
+}
+
+TEST_F(LocalizerTest, AnEstimateComesWithEachMessageOfTheCarsMotion) {
+  const auto outputs = drive(none);
+  ASSERT_GT(outputs.size(), 300U);
+  for (std::size_t i = 1; i < outputs.size(); ++i)
+    EXPECT_NEAR(outputs[i].stamp_s - outputs[i - 1].stamp_s, 0.01, 1e-9);
+  EXPECT_EQ(outputs.back().integrity.state, LocalizationState::ok);
+  EXPECT_NEAR(outputs.back().speed_mps, kSpeed_mps, 0.1);
+}
+
+TEST_F(LocalizerTest, WhatComesLateCountsAsIfItHadBeenInTime) {
+  std::vector<Sample> waiting;
+  const MapFile map(path_);
+  LocalizerOptions options;
+  options.matching.crop = {0, 80, 0, 0, 0};
+  Localizer in_time(context_, map, options), late(context_, map, options);
+  Random rnd(3);
+  Pose last = Pose::Identity(), last_late = Pose::Identity();
+  for (int i = 0; i <= 300; ++i) {
+    const double stamp_s = 0.01 * i;
+    const Pose T = truthAt(stamp_s);
+    std::vector<Sample> now;
+    if (i % 5 == 0) {
+      now.emplace_back(InsPose{stamp_s, "gps_a", T, 1e-6 * Matrix6d::Identity()});
+      now.emplace_back(GpsFix{stamp_s, "gps_a", T * kLever_m + 0.02 * rnd.vectorWithin(1),
+                              4e-4 * Eigen::Matrix3d::Identity(), kLever_m, 4});
+    }
+    now.emplace_back(MotionSample{stamp_s, "vehicle", kSpeed_mps, kYawRate_rps});
+    if (i % 10 == 0)
+      now.emplace_back(Scan{stamp_s,
+                            "lidar",
+                            Pose::Identity(),
+                            voxelGrid(context_, transformed(street_, T.inverse()), 0.5),
+                            {},
+                            {}});
+    for (const auto& sample : now) {
+      for (const auto& output : in_time.add(sample)) last = output.T_map_body;
+      if (i > 100 && std::holds_alternative<GpsFix>(sample)) {
+        waiting.push_back(sample);  // from then on, each fix comes 0.3 s late
+        continue;
+      }
+      for (const auto& output : late.add(sample)) last_late = output.T_map_body;
+    }
+    while (!waiting.empty() && stampOf(waiting.front()) <= stamp_s - 0.3) {
+      (void)late.add(waiting.front());
+      waiting.erase(waiting.begin());
+    }
+  }
+  // The last 0.3 s of fixes, of 0.1 m each beside matches of 0.03 m, are still missing.
+  EXPECT_LT((last.translation() - last_late.translation()).norm(), 0.03);
+  EXPECT_LT((last_late.translation() - truthAt(3.0).translation()).norm(), kMatch_m);
+}
+
+TEST_F(LocalizerTest, WhenMatchesFailItLooksForTheCarAroundAFix) {
+  // A gap of the LiDAR in which the wheels lie by 30 %, and the receivers are silent: the guess is metres off.
+  const auto outputs = drive([](Sample& sample, Random&) {
+    const double stamp_s = stampOf(sample);
+    const bool gap = stamp_s > 1 && stamp_s < 2;
+    if (auto* motion = std::get_if<MotionSample>(&sample); motion && gap) motion->speed_mps *= 1.5;
+    return !gap || std::holds_alternative<MotionSample>(sample);
+  });
+  EXPECT_NE(outputs.back().integrity.state, LocalizationState::lost);
+  EXPECT_LT((outputs.back().T_map_body.translation() - truthAt(outputs.back().stamp_s).translation()).norm(),
+            kMatch_m);
 }
 
 TEST_F(LocalizerTest, TheSameDriveGivesTheSameBits) {

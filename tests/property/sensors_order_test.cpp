@@ -163,5 +163,23 @@ TEST(SampleOrderProperty, StampsThatStandStillAreBounded) {
   EXPECT_LE(held, 40'010U);
 }
 
+TEST(SampleOrder, WhatIsLatePassesWhereAReaderCanPlaceIt) {
+  SampleOrder order(0.05, Late::passed);
+  std::vector<std::string> labels;
+  const auto take = [&] {
+    while (const auto sample = order.next()) labels.push_back(labelOf(*sample));
+  };
+  for (const Sample& sample : {imu(kStart_s), imu(kStart_s + 0.1), imu(kStart_s + 0.2),
+                               gps(kStart_s + 0.05),  // a younger one has gone out
+                               scan(kStart_s + 0.02), imu(kStart_s + 0.04)}) {
+    order.add(sample);
+    take();
+  }
+  order.end();
+  take();
+  EXPECT_THAT(labels, ElementsAre("imu", "imu", "gps", "lidar", "imu"));
+  EXPECT_EQ(order.droppedLate(), 1U);  // motion is wanted in order
+}
+
 }  // namespace
 }  // namespace raceloc

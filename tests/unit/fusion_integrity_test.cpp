@@ -1,0 +1,86 @@
+/** \file
+ * What an estimate is worth, worked out by hand. */
+#include <gmock/gmock.h>
+
+#include "fusion/integrity.h"
+
+namespace raceloc {
+namespace {
+
+using ::testing::HasSubstr;
+
+/** Heading north: the car's left is the map's west. Sigmas 0.1 m east, 0.2 m north, 0.01 rad. */
+EstimatorState heldBy(const std::vector<std::string>& sources) {
+  const Eigen::Vector4d variance(0.01, 0.04, 1e-4, 1e-4);
+  EstimatorState state = beginAt(10, {{0, 0, M_PI / 2, 0}, variance.asDiagonal()});
+  for (const auto& source : sources) {
+    SourceRecord record{};
+    record.source = source;
+    record.stamp_s = 10;
+    record.residual_m = record.mean_m = Eigen::Vector2d::Zero();
+    record.cov_m2 = 0.01 * Eigen::Matrix2d::Identity();
+    record.contradiction = record.noise = record.scatter = 1;
+    record.confirms = true;
+    state.records.push_back(record);
+  }
+  return state;
+}
+Integrity assessed(const EstimatorState& state, std::optional<double> gap_m = 5.0) {
+  return assess(state, gap_m, {}, {});
+}
+
+TEST(Integrity, TwoSourcesThatConfirmAreOk) {
+  const Integrity i = assessed(heldBy({"gps_left", "scan_match"}));
+  EXPECT_EQ(i.state, LocalizationState::ok);
+  EXPECT_EQ(i.cause, "");
+  EXPECT_NEAR(i.protection.lateral_m, 5 * 0.1, 1e-12);
+  EXPECT_NEAR(i.protection.longitudinal_m, 5 * 0.2, 1e-12);
+  EXPECT_NEAR(i.protection.heading_rad, 5 * 0.01, 1e-12);
+  EXPECT_NEAR(i.alert_limit_m, 5 - 1, 1e-12);
+}
+
+TEST(Integrity, WhatConfirmingSourcesAreOffWidensTheLevels) {
+  EstimatorState state = heldBy({"gps_left", "scan_match"});
+  state.records[0].mean_m = {0.07, -0.03};
+  state.records[1].mean_m = {-0.02, 0.05};
+  const Integrity i = assessed(state);
+  EXPECT_NEAR(i.protection.lateral_m, 5 * 0.1 + 0.07, 1e-12);
+  EXPECT_NEAR(i.protection.longitudinal_m, 5 * 0.2 + 0.05, 1e-12);
+}
+
+TEST(Integrity, EachStateHasItsCauseWithFigureAndLimit) {
+  EXPECT_EQ(assessed(heldBy({"gps_left"})).state, LocalizationState::degraded);
+
+  EstimatorState left = heldBy({"gps_left", "gps_right", "scan_match"});
+  left.records[1].left = true;
+  left.records[1].mean_m = {0, 3};
+  const Integrity drifting = assessed(left);
+  EXPECT_EQ(drifting.state, LocalizationState::degraded);
+  EXPECT_THAT(drifting.cause, HasSubstr("gps_right left the others"));
+  EXPECT_EQ(drifting.measured, 3);
+  EXPECT_EQ(drifting.limit, 0.5);
+
+  EstimatorState silent = heldBy({"gps_left", "gps_right", "scan_match"});
+  silent.records[2].stamp_s = 9.2;
+  EXPECT_THAT(assessed(silent).cause, HasSubstr("scan_match is silent"));
+  EXPECT_NEAR(assessed(silent).measured, 0.8, 1e-12);
+
+  EstimatorState alone = heldBy({"gps_left", "gps_right"});
+  alone.confirmed_s = 9.5;
+  EXPECT_EQ(assessed(alone).state, LocalizationState::dead_reckoning);
+  EXPECT_NEAR(assessed(alone).measured, 0.5, 1e-12);
+}
+
+TEST(Integrity, AnErrorThatMayReachTheWallIsLost) {
+  const EstimatorState state = heldBy({"gps_left", "scan_match"});
+  EXPECT_EQ(assessed(state, 1.6).state, LocalizationState::ok);
+  const Integrity i = assessed(state, 1.4);  // 0.4 m beside the car, 0.5 m protected
+  EXPECT_EQ(i.state, LocalizationState::lost);
+  EXPECT_NEAR(i.measured, 0.5, 1e-12);
+  EXPECT_NEAR(i.limit, 0.4, 1e-12);
+  EXPECT_EQ(assessed(state, std::nullopt).alert_limit_m, IntegrityOptions{}.alert_limit_m);
+  EXPECT_EQ(assessed(state, 0.5).alert_limit_m, 0);
+}
+
+}  // namespace
+}  // namespace raceloc
