@@ -1,5 +1,6 @@
 #include "cli/live_args.h"
 
+#include <cmath>
 #include <cstdio>
 #include <iostream>
 
@@ -223,6 +224,7 @@ void runLive(const LiveArgs& args) {
     std::fprintf(stderr, "raceloc-live: stream %s\n", stream->url().c_str());
   }
 
+  if (!args.odometry_only) printFalseRejects(options.localizer.estimator);
   stopWhenAsked();
   const auto start = std::chrono::steady_clock::now();
   double recorded_s = 0;
