@@ -13,7 +13,7 @@ constexpr double kHeard = 2;
 
 }  // namespace
 
-LoopSearch::LoopSearch(PoseGraph graph, const OdometryChain& chain, const LoopOptions& options)
+LoopSearch::LoopSearch(const PoseGraph& graph, const OdometryChain& chain, const LoopOptions& options)
     : x_chain(chain), x_options(options), x_smoother({}, graph.held) {
   x_smoother.update(graph.T_map_body, graph.factors);
 }

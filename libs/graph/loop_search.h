@@ -21,7 +21,7 @@ class LoopSearch {
  public:
   /** \param graph  without loops, near its minimum
    * \param chain  of the same key poses; a reference is kept */
-  LoopSearch(PoseGraph graph, const OdometryChain& chain, const LoopOptions& options);
+  LoopSearch(const PoseGraph& graph, const OdometryChain& chain, const LoopOptions& options);
 
   [[nodiscard]] const std::vector<Pose>& T_map_body() const { return x_smoother.graph().T_map_body; }
   /** Matches of the next key pose's candidates. */

@@ -202,8 +202,8 @@ struct Loop {
 
 std::optional<Loop> loopOf(const std::vector<Pose>& T_map_body, const Drives& drives,
                            std::optional<std::vector<Eigen::Vector3d>> line, const MapperOptions& options) {
-  FirstLapOptions drifted =
-      options.first_lap;  // without fixes a lap's ends may be apart by as much as a loop's
+  // Without fixes the ends of a lap may have drifted apart by as much as loops are looked for in.
+  FirstLapOptions drifted = options.first_lap;
   drifted.close_m += options.loops.search_m;
   for (const FirstLapOptions& first_lap : {options.first_lap, drifted})
     for (std::size_t begin = 0; begin < T_map_body.size() && !line;) {
