@@ -77,8 +77,8 @@ bool believesFixes(const std::vector<Keyframe>& keyframes, std::size_t begin, st
   return false;
 }
 
-PoseGraph graphOf(GraphKind kind, const std::vector<Keyframe>& keyframes, const std::vector<LoopEdge>& loops,
-                  std::vector<Pose> T_start, double gps_width, const GraphOptions& o) {
+PoseGraph graphOf(GraphKind kind, const std::vector<Keyframe>& keyframes, std::vector<Pose> T_start,
+                  double gps_width, const GraphOptions& o) {
   PoseGraph graph;
   graph.T_map_body = std::move(T_start);
   const bool has_gps = kind != GraphKind::lidar && believesFixes(keyframes, 0, keyframes.size());
@@ -100,14 +100,19 @@ PoseGraph graphOf(GraphKind kind, const std::vector<Keyframe>& keyframes, const 
     else
       addGps(graph, i, k, gps_width, o);
   }
-  if (kind != GraphKind::gps)
-    for (const LoopEdge& loop : loops)
-      graph.factors.emplace_back(
-          BetweenFactor{loop.i, loop.j, loop.T_i_j, whiteningOf(loop.covariance), kOnLoops});
   return graph;
 }
 
 }  // namespace
+
+PoseGraph graphWithoutLoops(GraphKind kind, const std::vector<Keyframe>& keyframes,
+                            std::vector<Pose> T_map_body, const GraphOptions& o) {
+  return graphOf(kind, keyframes, std::move(T_map_body), o.gps_robust_width, o);
+}
+
+Factor loopFactor(const LoopEdge& loop) {
+  return BetweenFactor{loop.i, loop.j, loop.T_i_j, whiteningOf(loop.covariance), kOnLoops};
+}
 
 Matrix6d flooredOdometry(const Matrix6d& covariance, const GraphOptions& o) {
   Matrix6d floored = covariance;
@@ -153,8 +158,9 @@ GraphSolution solveGraph(GraphKind kind, const std::vector<Keyframe>& keyframes,
   solver.max_iterations = o.max_iterations;
   GraphSolution solution{std::move(T_start), 0, true};
   for (const double wider : {64.0, 8.0, 1.0}) {
-    PoseGraph graph =
-        graphOf(kind, keyframes, loops, std::move(solution.T_map_body), wider * o.gps_robust_width, o);
+    PoseGraph graph = graphOf(kind, keyframes, std::move(solution.T_map_body), wider * o.gps_robust_width, o);
+    if (kind != GraphKind::gps)
+      for (const LoopEdge& loop : loops) graph.factors.push_back(loopFactor(loop));
     const OptimiseResult result = optimise(graph, solver);
     solution = {std::move(graph.T_map_body), result.final_cost, result.converged};
   }

@@ -56,6 +56,11 @@ struct GraphSolution {
                                        const std::vector<LoopEdge>& loops, std::vector<Pose> T_start,
                                        const GraphOptions& options);
 
+/** The factors of a graph over such poses, but for its loops. */
+[[nodiscard]] PoseGraph graphWithoutLoops(GraphKind kind, const std::vector<Keyframe>& keyframes,
+                                          std::vector<Pose> T_map_body, const GraphOptions& options);
+[[nodiscard]] Factor loopFactor(const LoopEdge& loop);
+
 /** The odometry's covariance, no better than the options say. */
 [[nodiscard]] Matrix6d flooredOdometry(const Matrix6d& covariance, const GraphOptions& options);
 

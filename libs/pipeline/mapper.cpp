@@ -15,7 +15,7 @@
 #include "core/errors.h"
 #include "core/statistics.h"
 #include "graph/graph_alignment.h"
-#include "graph/loop_closure.h"
+#include "graph/loop_search.h"
 #include "map/road_surface.h"
 #include "map/static_points.h"
 #include "map/voxel_average.h"
@@ -202,13 +202,17 @@ struct Loop {
 
 std::optional<Loop> loopOf(const std::vector<Pose>& T_map_body, const Drives& drives,
                            std::optional<std::vector<Eigen::Vector3d>> line, const MapperOptions& options) {
-  for (std::size_t begin = 0; begin < T_map_body.size() && !line;) {
-    std::size_t end = begin + 1;
-    while (end < T_map_body.size() && drives.session_of[end] == drives.session_of[begin]) ++end;
-    const auto at = [&](std::size_t key) { return T_map_body.begin() + static_cast<std::ptrdiff_t>(key); };
-    line = firstFullLap({at(begin), at(end)}, options.first_lap);
-    begin = end;
-  }
+  // Without fixes the ends of a lap may have drifted apart by as much as loops are looked for in.
+  FirstLapOptions drifted = options.first_lap;
+  drifted.close_m += options.loops.search_m;
+  for (const FirstLapOptions& first_lap : {options.first_lap, drifted})
+    for (std::size_t begin = 0; begin < T_map_body.size() && !line;) {
+      std::size_t end = begin + 1;
+      while (end < T_map_body.size() && drives.session_of[end] == drives.session_of[begin]) ++end;
+      const auto at = [&](std::size_t key) { return T_map_body.begin() + static_cast<std::ptrdiff_t>(key); };
+      line = firstFullLap({at(begin), at(end)}, first_lap);
+      begin = end;
+    }
   if (!line) return std::nullopt;
   double length_m = 0;
   for (std::size_t i = 0; i < line->size(); ++i)
@@ -252,9 +256,10 @@ bool passed(Loop& loop, const Drives& drives, const std::vector<Pose>& T_map_bod
   return id.has_value();
 }
 
+/** Loops, and T_map_body bent by them. */
 LoopClosures closeLoops(gpu::Context& context, Loop& loop, const Drives& drives,
-                        const std::vector<Pose>& T_map_body, const ScanStore& scans,
-                        const MapperOptions& options, const StageProgress& progress) {
+                        std::vector<Pose>& T_map_body, const ScanStore& scans, const MapperOptions& options,
+                        const StageProgress& progress) {
   OdometryChain chain;
   for (const Keyframe& k : drives.keyframes)
     chain.add({k.since_last.duration_s, k.since_last.T_start_end,
@@ -263,16 +268,20 @@ LoopClosures closeLoops(gpu::Context& context, Loop& loop, const Drives& drives,
       context, chain, [&](std::size_t key) { return scans.scan(key); }, options.loops,
       options.matching.registration, options.matching.covariance);
   const std::vector<double> doubt_m = doubtOf(drives.keyframes, T_map_body, options.graph);
-  std::vector<LoopMatch> matches;
+  LoopSearch search(graphWithoutLoops(GraphKind::joint, drives.keyframes, T_map_body, options.graph), chain,
+                    options.loops);
   for (std::size_t key = 0; key < T_map_body.size(); ++key) {
-    if (!passed(loop, drives, T_map_body, key)) continue;
-    for (LoopCandidate candidate : loopCandidates(loop.dict, T_map_body, options.loops)) {
+    if (!passed(loop, drives, search.T_map_body(), key)) continue;
+    std::vector<LoopMatch> matches;
+    for (LoopCandidate candidate : loopCandidates(loop.dict, search.T_map_body(), options.loops)) {
       candidate.drift_m = std::min(candidate.drift_m, doubt_m[candidate.i] + doubt_m[candidate.j]);
       matches.push_back(matcher.match(candidate));
     }
+    search.add(matches);
     progress("loops", static_cast<double>(key) / static_cast<double>(T_map_body.size()));
   }
-  return consistentLoops(matches, chain, options.loops);
+  T_map_body = search.T_map_body();
+  return search.closures();
 }
 
 /** Points with their covariances, tile by tile: a tile needs what is within the covariances' radius around it. */

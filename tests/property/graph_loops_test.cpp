@@ -6,8 +6,10 @@
 #include <cmath>
 #include <random>
 
-#include "graph/loop_closure.h"
+#include "graph/loop_search.h"
+#include "graph/map_graphs.h"
 #include "support/forall.h"
+#include "track/track_id.h"
 
 namespace raceloc {
 namespace {
@@ -348,6 +350,91 @@ TEST(LoopCandidatesProperty, AreOtherPassesOverTheSamePlaceAndBounded) {
     const double tries = static_cast<double>(station - first - n) / options.every_ids;
     EXPECT_LE(static_cast<double>(tried), 1.2 * tries + 5);
     EXPECT_GE(static_cast<double>(tried), 0.8 * tries - 5);
+  });
+}
+
+/** A ring of 3 km, driven three times, with fixes on the first half lap alone. The odometry turns by more than it should,
+ * within its covariance: where the first loops are it is off by less than the search reaches, a lap on by more. */
+struct RingWithoutFixes {
+  static constexpr std::size_t kLap = 300, kLaps = 3;
+  std::vector<Pose> truth;
+  std::vector<Keyframe> keyframes;
+  OdometryChain chain;
+  GraphOptions graph;
+  LoopOptions loops;
+
+  explicit RingWithoutFixes(Random& rnd) {
+    const double step_rad = 2 * M_PI / kLap, radius_m = 10 / step_rad;
+    const double stretch = 1 + rnd.oneOf({-1, 1}) * 0.002, wrong_rad = rnd.oneOf({-1, 1}) * 6e-5;
+    for (std::size_t k = 0; k < kLap * kLaps; ++k) {
+      const double angle_rad = step_rad * static_cast<double>(k);
+      truth.push_back(poseFromRpy({radius_m * std::sin(angle_rad), radius_m * (1 - std::cos(angle_rad)), 0},
+                                  0, 0, angle_rad));
+      Keyframe key{0.2 * static_cast<double>(k), truth.back(), {}};
+      if (k > 0) {
+        Pose T = truth[k - 1].inverse() * truth[k] * poseFromRpy({0, 0, 0}, 0, 0, wrong_rad);
+        T.translation() *= stretch;
+        key.T_odom_body = keyframes.back().T_odom_body * T;
+        key.since_last = {0.2, T, 1e-8 * Matrix6d::Identity()};
+      }
+      if (k < kLap / 2)
+        key.gps.push_back(
+            {"gps", truth[k].translation(), 1e-4 * Eigen::Matrix3d::Identity(), Eigen::Vector3d::Zero()});
+      chain.add({key.since_last.duration_s, key.since_last.T_start_end,
+                 flooredOdometry(key.since_last.covariance, graph)});
+      keyframes.push_back(key);
+    }
+    loops.every_ids = 4;
+  }
+
+  /** What a LoopMatcher would say. */
+  [[nodiscard]] LoopMatch match(const LoopCandidate& candidate, Random& rnd) const {
+    const Pose T = truth[candidate.i].inverse() * truth[candidate.j];
+    LoopMatch match{candidate, {}, 0.02, 0.9};
+    if ((T.translation() - candidate.T_i_j.translation()).head<2>().norm() < candidate.drift_m)
+      match.hypotheses.push_back({noisy(T, rnd, 1e-4, 0.01), 1e-4 * Matrix6d::Identity(), 0.02, 0.9});
+    return match;
+  }
+
+  /** How far from where the lap before was a lap comes out at the same place, at worst.
+   * \param bends  whether loops are looked for from the estimate that LoopSearch has bent */
+  [[nodiscard]] double worstGap_m(bool bends, Random& rnd) const {
+    const std::vector<Pose> before =
+        solveGraph(GraphKind::joint, keyframes, {}, alignedOdometry(keyframes), graph).T_map_body;
+    std::vector<Eigen::Vector3d> line;
+    for (std::size_t k = 0; k < kLap; ++k) line.emplace_back(before[k].translation());
+    TrackIdOptions id_options;
+    id_options.reach_m = 40;  // the drift is to be beyond the search, not beyond the line
+    const TrackIds ids(wayPointsAlong(line, id_options.spacing_m), id_options);
+    RacetrackDict dict(ids.count());
+    LoopSearch search(graphWithoutLoops(GraphKind::joint, keyframes, before, graph), chain, loops);
+    for (std::size_t k = 0; k < truth.size(); ++k) {
+      const std::vector<Pose>& T_map_body = bends ? search.T_map_body() : before;
+      const auto id = ids.idAt(T_map_body[k]);
+      if (!id) continue;
+      const auto number = static_cast<std::uint32_t>(k);
+      dict.add({number, number}, *id, 0);
+      std::vector<LoopMatch> matches;
+      for (const auto& candidate : loopCandidates(dict, T_map_body, loops))
+        matches.push_back(match(candidate, rnd));
+      search.add(matches);
+    }
+    const auto T_map_body =
+        solveGraph(GraphKind::joint, keyframes, search.closures().edges, search.T_map_body(), graph)
+            .T_map_body;
+    double worst_m = 0;
+    for (std::size_t k = kLap; k < truth.size(); ++k)
+      worst_m =
+          std::max(worst_m, (T_map_body[k - kLap].inverse() * T_map_body[k]).translation().head<2>().norm());
+    return worst_m;
+  }
+};
+
+TEST(LoopSearchProperty, WithoutFixesALapIsFoundFromWhereTheOneBeforeHasClosed) {
+  forAll(3, [](Random& rnd) {
+    const RingWithoutFixes ring(rnd);
+    EXPECT_GT(ring.worstGap_m(false, rnd), 5);
+    EXPECT_LT(ring.worstGap_m(true, rnd), 0.3);
   });
 }
 
