@@ -114,6 +114,27 @@ void print(const OdometryReport& r) {
                 r.level->roll_rad() / kDegree, r.level->pitch_rad() / kDegree, r.level->sigma_rad / kDegree);
 }
 
+/** How often the gate throws out a source whose errors are what it claims. */
+void printFalseRejects(const EstimatorOptions& options) {
+  const GateOptions& gate = options.gate;
+  if (gate.metric == GateMetric::chi2) {
+    std::printf("gate             chi2: a sound fix is rejected with probability %.1e\n",
+                gate.delta_false_alarm);
+  } else {
+    // On two axes of sigma each, a fix is farther off than delta with probability exp(-delta^2 / (2 sigma^2)).
+    const auto exponent = [&](double sigma_m) {
+      return -std::pow(gate.delta_m / sigma_m, 2) / 2 / std::log(10.0);
+    };
+    std::printf(
+        "gate             metric, to %.2f m: a sound fix is rejected with probability 1e%.0f at 0.1 m, "
+        "1e%.1f "
+        "at 1 m\n",
+        gate.delta_m, exponent(0.1), exponent(1));
+  }
+  std::printf("reliability      a sound fix does not confirm a sound estimate with probability %.0e\n",
+              options.reliability.confirm_false_alarm);
+}
+
 /** Runs `play(goOn)` with a line of progress, until it ends or somebody wants no more of it. */
 template <class Play>
 auto played(const char* what, const Play& play) {

@@ -75,6 +75,7 @@ class LocalizerTest : public ::testing::Test {
     }
     for (auto& output : localizer.finish()) outputs.push_back(std::move(output));
     start_ = localizer.startReport();
+    searches_ = localizer.searches();
     return outputs;
   }
 
@@ -96,6 +97,7 @@ class LocalizerTest : public ::testing::Test {
   Cloud street_ = test::street(rnd_, 0.01, 40000);
   std::string path_;
   std::optional<StartReport> start_;
+  std::size_t searches_ = 0;
 };
 
 /** 1 cm point noise, 1 m voxels, 0.2 m between map points: a match is good to some centimetres. */
@@ -239,16 +241,16 @@ TEST_F(LocalizerTest, WhatComesLateCountsAsIfItHadBeenInTime) {
 }
 
 TEST_F(LocalizerTest, WhenMatchesFailItLooksForTheCarAroundAFix) {
-  // A gap of the LiDAR in which the wheels lie by 30 %, and the receivers are silent: the guess is metres off.
-  const auto outputs = drive([](Sample& sample, Random&) {
-    const double stamp_s = stampOf(sample);
-    const bool gap = stamp_s > 1 && stamp_s < 2;
-    if (auto* motion = std::get_if<MotionSample>(&sample); motion && gap) motion->speed_mps *= 1.5;
-    return !gap || std::holds_alternative<MotionSample>(sample);
+  const auto outputs = drive([](Sample& sample, Random& rnd) {
+    if (auto* scan = std::get_if<Scan>(&sample); scan && scan->stamp_s > 1 && scan->stamp_s < 2.5) {
+      scan->cloud.clear();
+      for (int i = 0; i < 500; ++i) scan->cloud.push((30 * rnd.vectorWithin(1)).cast<float>());
+    }
+    return true;
   });
-  EXPECT_NE(outputs.back().integrity.state, LocalizationState::lost);
-  EXPECT_LT((outputs.back().T_map_body.translation() - truthAt(outputs.back().stamp_s).translation()).norm(),
-            kMatch_m);
+  EXPECT_GT(searches_, 0U);
+  EXPECT_LT(worstError_m(outputs), 0.15);  // by the receiver meanwhile: 3 sigma of 2 cm on two axes, on top
+  EXPECT_EQ(outputs.back().integrity.state, LocalizationState::ok);
 }
 
 TEST_F(LocalizerTest, TheSameDriveGivesTheSameBits) {

@@ -169,15 +169,18 @@ TEST(SampleOrder, WhatIsLatePassesWhereAReaderCanPlaceIt) {
   const auto take = [&] {
     while (const auto sample = order.next()) labels.push_back(labelOf(*sample));
   };
-  for (const Sample& sample : {imu(kStart_s), imu(kStart_s + 0.1), imu(kStart_s + 0.2),
-                               gps(kStart_s + 0.05),  // a younger one has gone out
-                               scan(kStart_s + 0.02), imu(kStart_s + 0.04)}) {
+  std::vector<Sample> samples;
+  for (const double t_s : {0.0, 0.1, 0.2, 0.3, 0.4}) samples.push_back(imu(kStart_s + t_s));
+  samples.push_back(gps(kStart_s + 0.25));  // 0.3 s has gone out
+  samples.push_back(scan(kStart_s + 0.22));
+  samples.push_back(imu(kStart_s + 0.24));
+  for (const Sample& sample : samples) {
     order.add(sample);
     take();
   }
   order.end();
   take();
-  EXPECT_THAT(labels, ElementsAre("imu", "imu", "gps", "lidar", "imu"));
+  EXPECT_THAT(labels, ElementsAre("imu", "imu", "imu", "imu", "gps", "lidar", "imu"));
   EXPECT_EQ(order.droppedLate(), 1U);  // motion is wanted in order
 }
 
