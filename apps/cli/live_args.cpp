@@ -20,6 +20,7 @@ constexpr char kHelp[] = R"(NAME
 
 SYNOPSIS
   raceloc-live -c INI -m MAP.rlmap -i RACE.rawlog [-o ANNOTATED.rawlog] [--trajectory RACE.tum]
+               [--integrity RACE.csv]
   raceloc-live -c INI -m MAP.rlmap -i RACE.rawlog --speed 1 [--record BLACKBOX.rawlog] ...
   raceloc-live -c INI -m MAP.rlmap --sensors SENSORS.ini [--record BLACKBOX.rawlog] ...
   raceloc-live -c INI --odometry-only -i RACE.rawlog --trajectory ODOMETRY.tum
@@ -31,6 +32,8 @@ DESCRIPTION
   RawLogViewer: the estimate as CObservationRobotPose with covariance and as the only odometry, the gate's
   numbers as CObservationRawDAQ labelled gate, and at each sweep a CObservation3DScene with car, scan, sources
   and verdicts.
+  --integrity writes a line an estimate: its state, protection levels and covariance, for
+  tests/bench/consistency.py.
   A GPS fix with a heading says where to look for the car, and a scan match there starts the filter.
   A map of another place, or not of the content hash that --map-hash demands (raceloc-map check prints it), is
   refused; a damaged tile of the right one is left out and named.
@@ -131,7 +134,7 @@ void printFalseRejects(const EstimatorOptions& options) {
         "at 1 m\n",
         gate.delta_m, exponent(0.1), exponent(1));
   }
-  std::printf("reliability      a sound fix does not confirm a sound estimate with probability %.0e\n",
+  std::printf("reliability      and, while others confirm the estimate, with probability %.0e\n",
               options.reliability.confirm_false_alarm);
 }
 
@@ -158,7 +161,7 @@ void requireConsistent(const LiveArgs& args) {
   if (!args.record_path.empty() && !is_live)
     throw InputError("--record is for --sensors or --speed: the log that is played is recorded already");
   requireApart({args.ini_path, args.map_path, args.rawlog_path, args.sensors_path},
-               {args.output_path, args.trajectory_path, args.record_path});
+               {args.output_path, args.trajectory_path, args.integrity_path, args.record_path});
   if (!args.odometry_only) {
     if (args.map_path.empty())
       throw InputError("no map given: -m MAP.rlmap, or --odometry-only (see --help)");

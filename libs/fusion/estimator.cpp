@@ -37,7 +37,8 @@ void advance(MotionWitness& motion, const CarState& car, const Control& rates, d
   const double kept = std::exp(-duration_s / options.reliability.motion_memory_s);
   motion.offset = kept * (F * motion.offset);
   motion.covariance = kept * kept * F * motion.covariance * F.transpose();
-  const double along_m2 = std::pow(options.fusion.speed_sigma_mps, 2) * duration_s;
+  const double along_m2 =
+      std::pow(std::max(options.fusion.speed_sigma_mps, rates.speed_sigma_mps), 2) * duration_s;
   const Eigen::Vector2d along(std::cos(course_rad), std::sin(course_rad));
   motion.covariance.topLeftCorner<2, 2>() += along_m2 * along * along.transpose();
   motion.covariance(2, 2) += std::pow(options.fusion.yaw_rate_sigma_rps, 2) * duration_s;
@@ -46,7 +47,7 @@ void advance(MotionWitness& motion, const CarState& car, const Control& rates, d
 }  // namespace
 
 EstimatorState beginAt(double stamp_s, const CarState& car) {
-  return {stamp_s, car, {}, {}, stamp_s, std::nullopt};
+  return {stamp_s, car, {}, {}, stamp_s, 0, std::nullopt, std::nullopt};
 }
 
 Estimator::Estimator(const EstimatorOptions& options)
@@ -59,7 +60,7 @@ void Estimator::advance(EstimatorState& state, const Control& rates, double to_s
   if (!(duration_s > 0)) return;
   raceloc::advance(state.motion, state.car, rates, duration_s, x_options);
   x_filter.setState(state.car);
-  x_filter.predict(duration_s, rates.speed_mps, rates.yaw_rate_rps, rates.slip_rad);
+  x_filter.predict(duration_s, rates.speed_mps, rates.yaw_rate_rps, rates.slip_rad, rates.speed_sigma_mps);
   state.car = x_filter.state();
   state.stamp_s = to_s;
 }
@@ -77,13 +78,22 @@ void Estimator::corrected(EstimatorState& state, const CarState& to) const {
   state.car = to;
 }
 
+bool Estimator::contradictsHeading(const CarState& predicted, const SourceRecord& record) const {
+  if (!record.heading_rad) return false;
+  const Eigen::Matrix4d& P =
+      predicted.covariance;  // of theta + b: no less than what either kind of heading measures
+  const double variance_rad2 = std::max(P(2, 2), P(2, 2) + P(3, 3) + 2 * P(2, 3)) +
+                               *record.heading_sigma_rad * *record.heading_sigma_rad;
+  return std::pow(wrapAngle(*record.heading_rad), 2) > x_confirm_limit * variance_rad2;
+}
+
 GateDecision Estimator::decide(EstimatorState& state, std::vector<PoseFix> fixes) {
   const ReliabilityOptions& reliability = x_options.reliability;
   std::vector<SourceVerdict> verdicts;
   for (const PoseFix& fix : fixes) {
     SourceRecord& known = recorded(state, fix, reliability);
     SourceVerdict verdict{fix.source, 0, 0, 0, 0, false};
-    verdict.nis = positionNis(state.car, fix);
+    verdict.nis = known.nis;
     known.confirms = verdict.nis <= x_confirm_limit && scattersAsClaimed(known);
     const double excess =
         scattersAsClaimed(known) ? known.contradiction : std::max(known.contradiction, known.noise);
@@ -91,11 +101,13 @@ GateDecision Estimator::decide(EstimatorState& state, std::vector<PoseFix> fixes
     if (verdict.nis > x_confirm_limit) verdict.inflation = std::max(verdict.inflation, 0.5 * verdict.nis);
     verdicts.push_back(std::move(verdict));
   }
-  const std::vector<double> left_m =
-      holdAgainstEachOther(state.records, state.motion, state.stamp_s, reliability);
-  const bool confirmed = std::any_of(state.records.begin(), state.records.end(), [&](const SourceRecord& r) {
-    return r.confirms && !r.left && state.stamp_s - r.stamp_s <= x_options.recovery.alone_s;
-  });
+  holdAgainstEachOther(state.records, state.motion, state.stamp_s, reliability);
+  const auto isConfirmed = [&] {
+    return std::any_of(state.records.begin(), state.records.end(), [&](const SourceRecord& r) {
+      return r.confirms && !r.left && state.stamp_s - r.stamp_s <= x_options.recovery.alone_s;
+    });
+  };
+  const bool is_confirmed_before = isConfirmed();
 
   std::vector<PoseFix> heard;
   std::vector<std::size_t> numbers;  // of the fixes that are heard
@@ -105,14 +117,15 @@ GateDecision Estimator::decide(EstimatorState& state, std::vector<PoseFix> fixes
     verdict.left = known->left;
     verdict.confirms = known->confirms && !known->left;
     if (known->left) {
-      verdict.delta = left_m[static_cast<std::size_t>(known - state.records.begin())];
+      verdict.delta = known->left_by_m;
       verdict.limit = reliability.separation_m;
-    } else if (confirmed && !known->confirms) {
+    } else if (is_confirmed_before && !known->confirms) {
       verdict.delta = verdict.nis;
       verdict.limit = x_confirm_limit;
     } else {
       fixes[i].cov_p_m2 *= verdict.inflation;
       fixes[i].heading_sigma_rad *= std::sqrt(verdict.inflation);
+      if (is_confirmed_before && contradictsHeading(state.car, *known)) fixes[i].heading = HeadingKind::none;
       heard.push_back(std::move(fixes[i]));
       numbers.push_back(i);
     }
@@ -138,8 +151,9 @@ GateDecision Estimator::decide(EstimatorState& state, std::vector<PoseFix> fixes
   if (heard.size() < verdicts.size() && decision.rule != GateRule::rejected_all)
     decision.rule = GateRule::rejected_some;
   decision.sources = std::move(verdicts);
-  decision.alarm = !confirmed;
-  if (confirmed) {
+  const bool is_confirmed = isConfirmed();
+  decision.alarm = !is_confirmed;
+  if (is_confirmed) {
     state.confirmed_s = state.stamp_s;
     state.keys_since_s.reset();
   } else {
@@ -155,10 +169,13 @@ void Estimator::tryTwoKeys(EstimatorState& state, GateDecision& decision) const 
     state.keys_since_s.reset();
     return;
   }
-  if (!state.keys_since_s) state.keys_since_s = state.stamp_s;
+  const bool is_new =
+      !state.keys_since_s || state.stamp_s - *state.keys_seen_s > x_options.reliability.fresh_s;
+  if (is_new) state.keys_since_s = state.stamp_s;
+  state.keys_seen_s = state.stamp_s;
   if (state.stamp_s - *state.keys_since_s < x_options.recovery.agree_s) return;
 
-  corrected(state, stateOf(state.car, state.records[keys->first], state.records[keys->second],
+  corrected(state, stateOf(state.car, state.stamp_s, state.records[keys->first], state.records[keys->second],
                            x_options.fusion.bias_sigma_rad));
   for (auto* record : {&state.records[keys->first], &state.records[keys->second]}) {
     record->contradiction = 1;
@@ -169,6 +186,7 @@ void Estimator::tryTwoKeys(EstimatorState& state, GateDecision& decision) const 
   state.motion = {};
   state.confirmed_s = state.stamp_s;
   state.keys_since_s.reset();
+  ++state.resets;
   decision.reset = true;
 }
 

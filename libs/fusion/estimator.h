@@ -26,8 +26,9 @@ struct EstimatorState {
   MotionWitness motion;
   std::vector<SourceRecord> records;  ///< by name
   double confirmed_s;                 ///< when a source last confirmed the estimate, or when it began
-  std::optional<double>
-      keys_since_s;  ///< since when two sources have agreed with each other against the estimate
+  int resets = 0;                     ///< by two keys, so far
+  /** Since when two sources have agreed with each other against the estimate, and when they last did. */
+  std::optional<double> keys_since_s, keys_seen_s;
 };
 
 /** A first state. */
@@ -52,6 +53,7 @@ class Estimator {
    *    left, and the filter is corrected with the result. An alarm is a decision while nobody confirms the estimate.
    * 4. When nobody has confirmed it for RecoveryOptions::alone_s, and two sources have agreed with each other for
    *    agree_s, the estimate is set to them (reading.md section 2, lock-out).
+   * A heading that is as unlikely is left out, while the estimate is confirmed, and the position is heard alone.
    * \throws std::invalid_argument as gate() does. */
   GateDecision decide(EstimatorState& state, std::vector<PoseFix> fixes);
 
@@ -59,6 +61,7 @@ class Estimator {
 
  private:
   void corrected(EstimatorState& state, const CarState& to) const;
+  [[nodiscard]] bool contradictsHeading(const CarState& predicted, const SourceRecord& record) const;
   void tryTwoKeys(EstimatorState& state, GateDecision& decision) const;
 
   EstimatorOptions x_options;

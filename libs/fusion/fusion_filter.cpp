@@ -1,6 +1,7 @@
 #include "fusion/fusion_filter.h"
 
 #include <Eigen/Eigenvalues>
+#include <algorithm>
 #include <cmath>
 #include <stdexcept>
 #include <utility>
@@ -67,11 +68,12 @@ FusionFilter::FusionFilter(const CarState& start, const FusionOptions& options,
   OnNormalizeStateVector();
 }
 
-void FusionFilter::predict(double duration_s, double speed_mps, double yaw_rate_rps, double slip_rad) {
+void FusionFilter::predict(double duration_s, double speed_mps, double yaw_rate_rps, double slip_rad,
+                           double speed_sigma_mps) {
   if (!(duration_s >= 0 && std::isfinite(duration_s) && std::isfinite(speed_mps) &&
-        std::isfinite(yaw_rate_rps) && std::isfinite(slip_rad)))
+        std::isfinite(yaw_rate_rps) && std::isfinite(slip_rad) && std::isfinite(speed_sigma_mps)))
     throw std::invalid_argument("FusionFilter: duration must be >= 0, speed, yaw rate and slip finite");
-  x_step = {duration_s, speed_mps, yaw_rate_rps, slip_rad};
+  x_step = {duration_s, speed_mps, yaw_rate_rps, slip_rad, speed_sigma_mps};
   x_fix.reset();
   runOneKalmanIteration();
 }
@@ -131,7 +133,9 @@ void FusionFilter::OnTransitionNoise(KFMatrix_VxV& Q) const {
       0, 1,                  //
       0, 0;
   const Eigen::Vector2d variance =
-      T * Eigen::Vector2d(x_options.speed_sigma_mps, x_options.yaw_rate_sigma_rps).cwiseAbs2();
+      T * Eigen::Vector2d(std::max(x_options.speed_sigma_mps, x_step.speed_sigma_mps),
+                          x_options.yaw_rate_sigma_rps)
+              .cwiseAbs2();
   Q.asEigen() = G * variance.asDiagonal() * G.transpose();
   Q(3, 3) = std::pow(x_options.bias_sigma_rad, 2) * -std::expm1(-2 * T / x_options.bias_time_s);
 }

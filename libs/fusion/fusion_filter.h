@@ -47,9 +47,10 @@ class FusionFilter : private mrpt::bayes::CKalmanFilterCapable<4, 3, 0, 2> {
   FusionFilter(const CarState& start, const FusionOptions& options, const GateOptions& gate_options);
 
   /** Dead reckoning over `duration_s` >= 0 at constant forward speed of the rear axle and yaw rate
-   * (counter-clockwise), along theta + b + slip. \throws std::invalid_argument if a value is not finite or the duration
+   * (counter-clockwise), along theta + b + slip. \param speed_sigma_mps  counts where it is larger than the option. \throws std::invalid_argument if a value is not finite or the duration
    * negative; the state is then as before. */
-  void predict(double duration_s, double speed_mps, double yaw_rate_rps, double slip_rad = 0);
+  void predict(double duration_s, double speed_mps, double yaw_rate_rps, double slip_rad = 0,
+               double speed_sigma_mps = 0);
 
   /** Corrects by what gate() makes of the fixes, all of the filter's present time; not at all if it rejects
    * them. \return what it believed of each source, and why \throws std::invalid_argument as gate() does; the
@@ -62,7 +63,7 @@ class FusionFilter : private mrpt::bayes::CKalmanFilterCapable<4, 3, 0, 2> {
 
  private:
   struct Step {
-    double duration_s, speed_mps, yaw_rate_rps, slip_rad;
+    double duration_s, speed_mps, yaw_rate_rps, slip_rad, speed_sigma_mps;
   };
   [[nodiscard]] double courseMidway() const;  ///< direction of the step's chord [rad]
   [[nodiscard]] double biasKept() const;      ///< what the step leaves of b, 0..1

@@ -38,6 +38,8 @@ struct Control {
   double speed_mps;     ///< forward, of the rear axle
   double yaw_rate_rps;  ///< about the vertical, counter-clockwise
   double slip_rad = 0;  ///< known part of the angle from heading to course; b is the rest
+  /** Error of the speed, averaged over one second, where it is larger than FusionOptions says. */
+  double speed_sigma_mps = 0;
 };
 
 /** State of the filter: x, y [m] in the map, theta [rad] heading of the body in [-pi, pi), b [rad] the angle
@@ -59,7 +61,9 @@ enum class GateRule {
 /** What the gate held against one source. */
 struct SourceVerdict {
   std::string source;
-  double delta;    ///< Delta_k: [m] for GateMetric::metric, normalised innovation squared for chi2
+  /** Delta_k: [m] for GateMetric::metric, normalised innovation squared for chi2. Of a source that left the others, how
+   * far [m]; of one that contradicts an estimate which others confirm, its normalised innovation squared. */
+  double delta;
   double limit;    ///< accepted up to here, in the unit of delta
   double p_theta;  ///< p(Theta_k | x), eq_sigmoid_mahala: 0.5 for delta = 0, falling to 0
   double weight;  ///< its share in the correction; those of all sources add up to 1, or to 0 for rejected_all
@@ -73,7 +77,7 @@ struct SourceVerdict {
 struct GateDecision {
   GateRule rule;
   std::vector<SourceVerdict> sources;  ///< in the order of the fixes
-  bool alarm;                          ///< nothing could be believed: the car dead-reckons
+  bool alarm;                          ///< no source confirms the estimate: the car dead-reckons
   bool reset = false;                  ///< two keys turned: the estimate was set to two sources that agree
 };
 

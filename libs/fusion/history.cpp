@@ -13,7 +13,7 @@ namespace {
 
 bool sound(const Control& c) {
   return std::isfinite(c.stamp_s) && std::isfinite(c.speed_mps) && std::isfinite(c.yaw_rate_rps) &&
-         std::isfinite(c.slip_rad);
+         std::isfinite(c.slip_rad) && std::isfinite(c.speed_sigma_mps);
 }
 
 bool sound(const TimedFix& timed) {
@@ -83,6 +83,7 @@ PoseFix FusionHistory::carried(TimedFix fix, const EstimatorState& now) const {
   out.p_body_m = Eigen::Rotation2Dd(-turn_rad) * (out.p_body_m - p_m);
   out.heading_rad += turn_rad;
   const double duration_s = now.stamp_s - fix.stamp_s;
+  out.heading_sigma_rad = std::hypot(out.heading_sigma_rad, noise.yaw_rate_sigma_rps * std::sqrt(duration_s));
   const Eigen::Vector2d variance_m2 =
       duration_s * Eigen::Vector2d(std::pow(noise.speed_sigma_mps, 2),
                                    std::pow(noise.yaw_rate_sigma_rps * length_m, 2) / 3);
@@ -174,8 +175,13 @@ void FusionHistory::redoFrom(std::size_t number) {
 
 void FusionHistory::forget() {
   const double reach_s = x_controls.back().stamp_s - x_options.lag_s;
+  // A group's last piece runs at the rates of the control after it; up to here none can come between any more.
+  double settled_s = x_base.stamp_s;
+  for (auto control = x_controls.begin(); control != x_controls.end() && control->stamp_s <= reach_s;
+       ++control)
+    settled_s = control->stamp_s;
   while (!x_groups.empty() && x_groups.front().begin_s + x_options.group_s <= reach_s &&
-         x_groups.front().after.stamp_s <= reach_s) {
+         x_groups.front().after.stamp_s <= settled_s) {
     x_base = x_groups.front().after;
     const double begin_s = x_groups.front().begin_s;
     x_groups.erase(x_groups.begin());

@@ -49,7 +49,7 @@ class FusionHistory {
   Acceptance add(const Control& control);
   Acceptance add(const TimedFix& fix);
 
-  /** The estimate at an instant: back to the lag, and ahead of the newest control at its rates. */
+  /** The estimate at an instant, ahead of the newest control at its rates; for one before the lag, the oldest there is. */
   [[nodiscard]] EstimatorState at(double stamp_s);
   /** At the newest control. */
   [[nodiscard]] const EstimatorState& newest() const { return x_head; }

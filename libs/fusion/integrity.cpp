@@ -69,14 +69,14 @@ Integrity assess(const EstimatorState& state, std::optional<double> gap_m,
       return say(LocalizationState::degraded, record.source + " is silent [s]", silent_s,
                  options.silent_after_s);
     if (record.left)
-      return say(LocalizationState::degraded, record.source + " left the others [m]", record.mean_m.norm(),
+      return say(LocalizationState::degraded, record.source + " left the others [m]", record.left_by_m,
                  reliability.separation_m);
     if (!scattersAsClaimed(record))
       return say(LocalizationState::degraded, record.source + " scatters beyond its claim [times]",
                  record.scatter, kMostScatter);
     if (!record.confirms)
-      return say(LocalizationState::degraded, record.source + " contradicts the estimate [NIS]",
-                 2 * record.contradiction, chiSquareLimit(reliability.confirm_false_alarm, 2));
+      return say(LocalizationState::degraded, record.source + " contradicts the estimate [NIS]", record.nis,
+                 chiSquareLimit(reliability.confirm_false_alarm, 2));
   }
   if (confirming < 2)
     return say(LocalizationState::degraded, "fewer than two sources confirm it", confirming, 2);

@@ -24,7 +24,7 @@ std::optional<TwoKeys> twoKeys(const std::vector<SourceRecord>& records, double 
     if (!fresh(records[i])) continue;
     for (std::size_t j = i + 1; j < records.size(); ++j) {
       if (!fresh(records[j])) continue;
-      const double apart = separation(records[i].residual_m - records[j].residual_m,
+      const double apart = separation(residualAt(records[i], stamp_s) - residualAt(records[j], stamp_s),
                                       records[i].cov_m2 + records[j].cov_m2, options);
       if (apart > options.separation_sigmas || apart >= least) continue;
       least = apart;
@@ -34,11 +34,12 @@ std::optional<TwoKeys> twoKeys(const std::vector<SourceRecord>& records, double 
   return best;
 }
 
-CarState stateOf(const CarState& predicted, const SourceRecord& first, const SourceRecord& second,
-                 double bias_sigma_rad) {
+CarState stateOf(const CarState& predicted, double stamp_s, const SourceRecord& first,
+                 const SourceRecord& second, double bias_sigma_rad) {
   const Eigen::Matrix2d W1 = first.cov_m2.inverse(), W2 = second.cov_m2.inverse();
   CarState state = predicted;
-  state.mean.head<2>() += (W1 + W2).inverse() * (W1 * first.residual_m + W2 * second.residual_m);
+  state.mean.head<2>() +=
+      (W1 + W2).inverse() * (W1 * residualAt(first, stamp_s) + W2 * residualAt(second, stamp_s));
   double turn_rad = 0, weight = 0, sigma_rad = std::sqrt(predicted.covariance(2, 2));
   for (const SourceRecord* record : {&first, &second}) {
     if (!record->heading_rad) continue;

@@ -11,9 +11,11 @@ namespace raceloc {
 
 namespace {
 
-constexpr double kJump =
-    12;  // of a step, whose share beyond x is exp(-x): no noise, the source is elsewhere now
-constexpr double kMostNis = 1e6;  // one fix a thousand sigmas off says no more than that it is off
+// Of a step, whose share beyond x is exp(-x): that is no noise, the source is elsewhere now.
+constexpr double kJump = 12;
+// An estimate does not run away faster: what does is noise.
+constexpr double kFastest_mps = 15;
+constexpr double kMostNis = 1e6;
 
 Eigen::Vector2d residualOf(const CarState& predicted, const PoseFix& fix) {
   return (readingOf(fix) - predictedReading(fix, predicted.mean)).head<2>();
@@ -50,7 +52,7 @@ void ReliabilityOptions::describe(OptionList& keys) {
 double positionNis(const CarState& predicted, const PoseFix& fix) {
   const Eigen::Matrix<double, 2, 4> H = observationMatrix(fix, predicted.mean(2)).topRows<2>();
   const Eigen::Matrix2d S = H * predicted.covariance * H.transpose() + fix.cov_p_m2;
-  return S.llt().matrixL().solve(residualOf(predicted, fix)).squaredNorm();
+  return std::min(S.llt().matrixL().solve(residualOf(predicted, fix)).squaredNorm(), kMostNis);
 }
 
 SourceRecord firstRecord(double stamp_s, const CarState& predicted, const PoseFix& fix) {
@@ -58,37 +60,42 @@ SourceRecord firstRecord(double stamp_s, const CarState& predicted, const PoseFi
   first.source = fix.source;
   first.stamp_s = stamp_s;
   first.residual_m = first.mean_m = residualOf(predicted, fix);
+  first.rate_mps = Eigen::Vector2d::Zero();
   first.cov_m2 = fix.cov_p_m2;
-  first.contradiction = first.scatter = 1;
+  first.nis = positionNis(predicted, fix);
+  if (fix.heading != HeadingKind::none) {
+    first.heading_rad = innovation(readingOf(fix), predictedReading(fix, predicted.mean))(2);
+    if (fix.heading == HeadingKind::course) *first.heading_rad += predicted.mean(3);
+    first.heading_sigma_rad = fix.heading_sigma_rad;
+  }
   return first;
 }
 
 void record(SourceRecord& known, double stamp_s, const CarState& predicted, const PoseFix& fix,
             const ReliabilityOptions& options) {
-  const Eigen::Vector2d residual_m = residualOf(predicted, fix);
-  if (stamp_s - known.stamp_s > options.fresh_s) known.residual_m = known.mean_m = residual_m;
-  const double share = -std::expm1(-(stamp_s - known.stamp_s) / options.window_s);
-  const double step =
-      (residual_m - known.residual_m).squaredNorm() / (known.cov_m2.trace() + fix.cov_p_m2.trace());
-  const double half_nis = 0.5 * std::min(positionNis(predicted, fix), kMostNis);
-  const bool was_noisy = !scattersAsClaimed(known);
-  if (step > kJump)
-    known.mean_m = residual_m;
-  else
-    known.mean_m += share * (residual_m - known.mean_m);
-  known.noise += share * (std::min(step, kMostNis) - known.noise);
-  known.scatter += share * (std::min(step, kMostStep) - known.scatter);
-  known.contradiction += share * (half_nis - known.contradiction);
-  if (was_noisy && scattersAsClaimed(known)) {  // what was noise is over
-    known.noise = 1;
-    known.contradiction = half_nis;
+  SourceRecord now = firstRecord(stamp_s, predicted, fix);
+  now.left = known.left;
+  now.left_by_m = known.left_by_m;
+  if (stamp_s - known.stamp_s <= options.fresh_s) {
+    const double share = -std::expm1(-(stamp_s - known.stamp_s) / options.window_s);
+    const double step = std::min(
+        (now.residual_m - known.residual_m).squaredNorm() / (known.cov_m2.trace() + fix.cov_p_m2.trace()),
+        kMostNis);
+    const auto mean = [&](double before, double value) { return before + share * (value - before); };
+    if (step <= kJump) now.mean_m = known.mean_m + share * (now.residual_m - known.mean_m);
+    Eigen::Vector2d rate_mps = (now.residual_m - known.residual_m) / (stamp_s - known.stamp_s);
+    rate_mps *= std::min(1.0, kFastest_mps / std::max(kFastest_mps, rate_mps.norm()));
+    now.rate_mps = known.rate_mps + share * (rate_mps - known.rate_mps);
+    now.noise = mean(known.noise, step);
+    now.scatter = mean(known.scatter, std::min(step, kMostStep));
+    now.contradiction = mean(known.contradiction, 0.5 * now.nis);
+    if (!scattersAsClaimed(known) && scattersAsClaimed(now)) {  // what was noise is over
+      now.noise = 1;
+      now.contradiction = 0.5 * now.nis;
+    }
+    now.with_others_since_s = known.with_others_since_s;
   }
-  known.residual_m = residual_m;
-  known.cov_m2 = fix.cov_p_m2;
-  known.stamp_s = stamp_s;
-  if (fix.heading == HeadingKind::none) return;
-  known.heading_rad = innovation(readingOf(fix), predictedReading(fix, predicted.mean))(2);
-  known.heading_sigma_rad = fix.heading_sigma_rad;
+  known = std::move(now);
 }
 
 double separation(const Eigen::Vector2d& apart_m, const Eigen::Matrix2d& cov_m2,
@@ -98,8 +105,8 @@ double separation(const Eigen::Vector2d& apart_m, const Eigen::Matrix2d& cov_m2,
   return S.llt().matrixL().solve(apart_m).norm();
 }
 
-std::vector<double> holdAgainstEachOther(std::vector<SourceRecord>& records, const MotionWitness& motion,
-                                         double stamp_s, const ReliabilityOptions& options) {
+void holdAgainstEachOther(std::vector<SourceRecord>& records, const MotionWitness& motion, double stamp_s,
+                          const ReliabilityOptions& options) {
   constexpr std::size_t kMost = 16;
   std::vector<Witness> witnesses{{motion.offset.head<2>(), motion.covariance.topLeftCorner<2, 2>()}};
   std::vector<std::size_t> fresh;  // the record of each witness but the first
@@ -131,7 +138,6 @@ std::vector<double> holdAgainstEachOther(std::vector<SourceRecord>& records, con
   Eigen::Vector2d mean_m = Eigen::Vector2d::Zero();
   for (std::size_t i = 0; i < n; ++i)
     if (winners >> i & 1) mean_m += witnesses[i].mean_m / sizeOf(winners);
-  std::vector<double> left_m(records.size(), 0);
   for (std::size_t i = 1; i < n; ++i) {
     SourceRecord& record = records[fresh[i - 1]];
     const unsigned against = winners & ~agreeing[i];
@@ -146,9 +152,8 @@ std::vector<double> holdAgainstEachOther(std::vector<SourceRecord>& records, con
       record.left = false;
       record.with_others_since_s.reset();
     }
-    left_m[fresh[i - 1]] = record.left ? (record.mean_m - mean_m).norm() : 0;
+    record.left_by_m = record.left ? (record.mean_m - mean_m).norm() : 0;
   }
-  return left_m;
 }
 
 }  // namespace raceloc

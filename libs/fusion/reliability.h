@@ -32,9 +32,13 @@ struct SourceRecord {
   double stamp_s;              ///< of its newest fix
   Eigen::Vector2d residual_m;  ///< newest, fix less estimate, map axes
   Eigen::Vector2d mean_m;      ///< of the residuals since it last jumped
-  Eigen::Matrix2d cov_m2;      ///< newest claim
-  /** Residual and claim of the newest fix that had a heading. */
+  Eigen::Vector2d
+      rate_mps;  ///< mean rate of the residuals, without jumps: an estimate with a wrong heading runs away
+  Eigen::Matrix2d cov_m2;  ///< newest claim
+  /** Residual against theta and claim, if the newest fix has a heading. Of a course, with all of b in theta. */
   std::optional<double> heading_rad, heading_sigma_rad;
+  double nis = 0;        ///< of the newest fix, see positionNis()
+  double left_by_m = 0;  ///< while it has left: how far it is from the mean of the others
   /** Mean of half the normalised innovation squared: 1 if estimate and claim are right. */
   double contradiction = 1;
   double noise = 1;       ///< mean square step between residuals over what the claim lets expect
@@ -43,6 +47,11 @@ struct SourceRecord {
   bool left = false;
   std::optional<double> with_others_since_s;  ///< while it has left: since when it is back
 };
+
+/** The residual that a fix would have now: sources that do not speak at the same time can be compared. */
+[[nodiscard]] inline Eigen::Vector2d residualAt(const SourceRecord& record, double stamp_s) {
+  return record.residual_m + (stamp_s - record.stamp_s) * record.rate_mps;
+}
 
 constexpr double kMostStep = 8, kMostScatter = 4;
 /** Whether the fixes scatter as the source claims, within a factor of two. Others have no vote. */
@@ -57,13 +66,15 @@ struct MotionWitness {
   Eigen::Matrix3d covariance = Eigen::Matrix3d::Zero();
 };
 
-/** Enters a fix; after a silence of more than fresh_s means begin anew. \param predicted  the estimate at the time of the
- * fix */
+/** Enters a fix; after a silence of more than fresh_s the record begins anew, but that a source which had left is still
+ * to agree for return_s.
+ * \param predicted  the estimate at the time of the fix */
 void record(SourceRecord& known, double stamp_s, const CarState& predicted, const PoseFix& fix,
             const ReliabilityOptions& options);
+/** As if the source had been silent for ever. */
 [[nodiscard]] SourceRecord firstRecord(double stamp_s, const CarState& predicted, const PoseFix& fix);
 
-/** Position innovation d' S^-1 d with S = H P H' + R. */
+/** Position innovation d' S^-1 d with S = H P H' + R, at most 1e6: beyond, a fix says no more than that it is off. */
 [[nodiscard]] double positionNis(const CarState& predicted, const PoseFix& fix);
 
 /** How far two mean residuals are apart, in sigmas of what their claims and separation_m allow: they agree up to
@@ -76,9 +87,8 @@ void record(SourceRecord& known, double stamp_s, const CarState& predicted, cons
  * own motion, then the first; a source that disagrees with at least two of it has left, and is back once it has agreed
  * with all of it for return_s. Which of two sources is right is hence told by the motion, or not at all.
  * \param records  by name; at most 16 count
- * Returns the distance to the winners' mean for each that has left [m], 0 for the others. */
-[[nodiscard]] std::vector<double> holdAgainstEachOther(std::vector<SourceRecord>& records,
-                                                       const MotionWitness& motion, double stamp_s,
-                                                       const ReliabilityOptions& options);
+ * Notes in left_by_m how far those that have left are from the winners' mean. */
+void holdAgainstEachOther(std::vector<SourceRecord>& records, const MotionWitness& motion, double stamp_s,
+                          const ReliabilityOptions& options);
 
 }  // namespace raceloc

@@ -22,7 +22,7 @@ Pose withPlanar(const Pose& T, double x_m, double y_m, double theta_rad) {
   return out;
 }
 
-/** Raises a covariance to a floor: no receiver is believed to be better than sigma on any axis. */
+/** Adds what a receiver does not tell of: it is never believed to be better than sigma on any axis. */
 Eigen::Matrix2d floored(const Eigen::Matrix2d& covariance, double sigma_m) {
   return covariance + sigma_m * sigma_m * Eigen::Matrix2d::Identity();
 }
@@ -116,7 +116,7 @@ std::vector<LocalizerOutput> Localizer::finish() {
 void Localizer::process(const Sweep& sweep) {
   if (!started())
     tryStart(sweep);
-  else if (sweep.end_s > x_matched_s && sweep.end_s > x_stamp_s - x_options.history.lag_s)
+  else if (sweep.end_s > x_start->stamp_s && sweep.end_s > x_stamp_s - x_options.history.lag_s)
     matchSweep(sweep);
   else
     ++x_passed_over;
@@ -124,7 +124,13 @@ void Localizer::process(const Sweep& sweep) {
 
 void Localizer::take(const ImuSample& sample) { x_history.add(sample); }
 
-void Localizer::take(const InsPose& pose) { x_receivers[pose.label].ins = pose; }
+void Localizer::take(const InsPose& pose) {
+  const bool is_sound = pose.T_map_body.matrix().allFinite() && pose.covariance(2, 2) > 0;
+  if (is_sound)
+    x_receivers[pose.label].ins = pose;
+  else
+    ++x_noted[pose.label + ": an INS pose without a value"];
+}
 
 void Localizer::take(const Scan& scan) { x_queue.push(scan); }
 
@@ -217,6 +223,7 @@ void Localizer::considerStart(const GpsFix& fix, const PoseFix& car) {
   Pose T = poseFromRpy(Eigen::Vector3d::Zero(), 0, 0, car.heading_rad);
   if (car.heading == HeadingKind::body) T.linear() = receiver.ins->T_map_body.linear();
   T.translation() = fix.p_map_antenna_m - T.linear() * fix.p_body_antenna_m;
+  if (x_place && fix.stamp_s < x_place->stamp_s) return;  // it came late
   const double first_fix_s = x_place ? x_place->first_fix_s : fix.stamp_s;
   x_place = StartPlace{first_fix_s, fix.stamp_s, fix.label, T};
   if (!started() && fix.stamp_s - first_fix_s > x_options.policy.start_patience_s)
@@ -266,22 +273,17 @@ void Localizer::start(double stamp_s, const Pose& T_map_body, StartReport report
   x_start = std::move(report);
 }
 
-BodyMotion Localizer::motionBetween(double from_s, double to_s) const {
-  if (const auto motion = x_history.between(from_s, to_s)) return *motion;
+Pose Localizer::motionBetween(double from_s, double to_s) const {
+  if (const auto motion = x_history.between(from_s, to_s)) return motion->T_start_end;
   const double duration_s = to_s - from_s;
-  BodyMotion held{duration_s,
-                  arc(x_last_rates.speed_mps * duration_s, x_last_rates.yaw_rate_rps * duration_s),
-                  Matrix6d::Zero()};
-  // Nobody brakes or steers harder than 1 g: half of it over the time, squared, along and across.
-  held.covariance.block<2, 2>(3, 3) =
-      std::pow(0.5 * 9.81 * duration_s * duration_s, 2) * Eigen::Matrix2d::Identity();
-  return held;
+  return arc(x_last_rates.speed_mps * duration_s, x_last_rates.yaw_rate_rps * duration_s);
 }
 
 void Localizer::moveTo(double stamp_s) {
-  constexpr double kStanding_mps = 0.5;  // slower, the way is too short to have a direction
+  constexpr double kUnknownSpeed_mps = 5;  // a speed that is only held: braked at 1 g for half a second
+  constexpr double kStanding_mps = 0.5;    // slower, the way is too short to have a direction
   const double duration_s = stamp_s - x_stamp_s;
-  const Pose T_map_next = x_T_map_body * motionBetween(x_stamp_s, stamp_s).T_start_end;
+  const Pose T_map_next = x_T_map_body * motionBetween(x_stamp_s, stamp_s);
   if (const auto rates = x_history.ratesBetween(x_stamp_s, stamp_s)) x_last_rates = *rates;
   x_by_wheels = x_history.hasWheels(stamp_s) && x_history.between(x_stamp_s, stamp_s).has_value();
 
@@ -289,6 +291,7 @@ void Localizer::moveTo(double stamp_s) {
   const Eigen::Vector2d moved_m = Eigen::Rotation2Dd(-(from_rad + 0.5 * turn_rad)) *
                                   (T_map_next.translation() - x_T_map_body.translation()).head<2>();
   Control control{stamp_s, moved_m.x() / duration_s, turn_rad / duration_s};
+  if (!x_by_wheels) control.speed_sigma_mps = kUnknownSpeed_mps;
   if (control.speed_mps > kStanding_mps) {
     control.speed_mps = moved_m.norm() / duration_s;
     control.slip_rad = std::atan2(moved_m.y(), moved_m.x());
@@ -301,8 +304,8 @@ void Localizer::moveTo(double stamp_s) {
 }
 
 Pose Localizer::poseAt(double stamp_s, const CarState& car) const {
-  Pose T = stamp_s < x_stamp_s ? Pose(x_T_map_body * motionBetween(stamp_s, x_stamp_s).T_start_end.inverse())
-                               : Pose(x_T_map_body * motionBetween(x_stamp_s, stamp_s).T_start_end);
+  Pose T = stamp_s < x_stamp_s ? Pose(x_T_map_body * motionBetween(stamp_s, x_stamp_s).inverse())
+                               : Pose(x_T_map_body * motionBetween(x_stamp_s, stamp_s));
   const bool matched = x_last_match && stamp_s - x_last_match->stamp_s < kMatchMemory_s;
   if (!matched && x_height_above_road_m) {
     const auto place = x_surface.at(car.mean.head<2>(), car.mean(2), T.translation().z());
@@ -323,34 +326,41 @@ CovarianceCloud Localizer::prepared(const Sweep& sweep) {
 }
 
 void Localizer::matchSweep(const Sweep& sweep) {
-  const double end_s = x_matched_s = sweep.end_s;
+  const double end_s = sweep.end_s;
   const CovarianceCloud source = prepared(sweep);
   const GicpOptions& gicp = x_options.matching.registration;
   const Pose T_guess = poseAt(end_s, x_fusion->at(end_s).car);
-  if (!x_window.moveTo(T_guess.translation().head<2>())) return;
-  Registration match = align(x_context, source, x_window.target(), T_guess, gicp);
-  bool trusted = match.trusted(gicp);
-  x_failed_matches = trusted ? 0 : x_failed_matches + 1;
-  if (x_failed_matches >= x_options.policy.search_after) {
+  std::optional<Registration> match;
+  if (x_window.moveTo(T_guess.translation().head<2>()))
+    match = align(x_context, source, x_window.target(), T_guess, gicp);
+  bool trusted = match && match->trusted(gicp);
+  if (!trusted && ++x_failed_matches >= x_options.policy.search_after) {
     x_failed_matches = 0;
     ++x_searches;
     const auto T_place = placeAt(end_s);
-    const auto found = search(source, T_place ? *T_place : T_guess);
-    if (found) match = *found;
-    trusted = found.has_value();
-    if (!x_window.moveTo(T_guess.translation().head<2>())) return;
+    if (const auto found = search(source, T_place ? *T_place : T_guess)) {
+      match = found;
+      trusted = true;
+    }
   }
+  if (!match) return;  // no tile of the map is here
   if (trusted) {
-    enter(end_s, planarFix(match));
+    enter(end_s, planarFix(*match));
     const auto believed = [&](const DatedDecision& dated) {
       return dated.stamp_s >= end_s &&
              std::any_of(dated.decision.sources.begin(), dated.decision.sources.end(),
                          [](const SourceVerdict& v) { return v.source == kScanMatch && v.accepted; });
     };
     const auto& made = x_fusion->made();
-    if (std::any_of(made.begin(), made.end(), believed)) believe(end_s, match);
+    if (std::any_of(made.begin(), made.end(), believed)) {
+      believe(end_s, *match);
+      x_failed_matches = 0;
+    } else {
+      x_failed_matches =
+          x_options.policy.search_after;  // found elsewhere: two keys are to turn, without a pause
+    }
   }
-  x_new_match = ScanMatch{end_s, poseAt(end_s, x_fusion->at(end_s).car), match, trusted, source.cloud};
+  x_new_match = ScanMatch{end_s, poseAt(end_s, x_fusion->at(end_s).car), *match, trusted, source.cloud};
 }
 
 void Localizer::believe(double stamp_s, const Registration& match) {
@@ -365,7 +375,7 @@ void Localizer::believe(double stamp_s, const Registration& match) {
   if (const auto place = x_surface.at(T.translation().head<2>(), yawOf(T), T.translation().z());
       place && place->road)
     x_height_above_road_m = T.translation().z() - place->road->height_m;
-  x_T_map_body = stamp_s < x_stamp_s ? Pose(T * motionBetween(stamp_s, x_stamp_s).T_start_end) : T;
+  x_T_map_body = stamp_s < x_stamp_s ? Pose(T * motionBetween(stamp_s, x_stamp_s)) : T;
   x_T_map_body = poseAt(x_stamp_s, x_fusion->newest().car);
 }
 

@@ -106,9 +106,10 @@ class Localizer {
 
   [[nodiscard]] bool started() const { return x_fusion.has_value(); }
   [[nodiscard]] const std::optional<StartReport>& startReport() const { return x_start; }
-  /** Sweeps that ended before the lag, or before one that was matched. */
+  /** Sweeps that ended before the start, or before the lag. */
   [[nodiscard]] std::size_t passedOver() const { return x_passed_over; }
   [[nodiscard]] std::size_t tileLoads() const { return x_window.rebuilds(); }
+  [[nodiscard]] int resets() const { return started() ? x_fusion->newest().resets : 0; }  ///< by two keys
   [[nodiscard]] std::size_t searches() const {
     return x_searches;
   }  ///< for the car, after matches had failed
@@ -143,7 +144,7 @@ class Localizer {
   void believe(double stamp_s, const Registration& match);
 
   /** The car's motion by its wheels; where they say nothing, at the last speed and yaw rate. */
-  [[nodiscard]] BodyMotion motionBetween(double from_s, double to_s) const;
+  [[nodiscard]] Pose motionBetween(double from_s, double to_s) const;
   /** The car's attitude, height and control go on to a later instant. */
   void moveTo(double stamp_s);
   /** The estimate with an attitude and height as last known, at an instant of the history. */
@@ -174,7 +175,6 @@ class Localizer {
   gpu::Context& x_context;
   double x_stamp_s = 0;      ///< of the newest control
   double x_published_s = 0;  ///< of the newest output
-  double x_matched_s = 0;    ///< end of the newest sweep that was matched
   std::size_t x_passed_over = 0, x_searches = 0;
   MotionHistory::Rates x_last_rates{0, 0};
   std::map<std::string, Receiver> x_receivers;

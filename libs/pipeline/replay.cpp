@@ -106,7 +106,6 @@ class Tally {
       const GateDecision& decision = output.decision->decision;
       ++x_report.rule_counts[static_cast<int>(decision.rule)];
       if (decision.alarm) ++x_report.alarms;
-      if (decision.reset) ++x_report.resets;
     }
     ++x_report.state_counts[static_cast<int>(output.integrity.state)];
     if (!output.integrity.cause.empty()) ++x_report.causes[output.integrity.cause];
@@ -149,6 +148,7 @@ ReplayReport localize(LogReader& reader, const MapFile& map, const std::string& 
   report.trajectory.origin = reader.origin();
   Tally tally(report);
   std::optional<double> first_s;
+  double longest_s = 0;  // of a sample, since the last output: a match may be done before its output is due
 
   const auto hand = [&](const std::vector<LocalizerOutput>& outputs) {
     for (const auto& output : outputs) {
@@ -161,7 +161,7 @@ ReplayReport localize(LogReader& reader, const MapFile& map, const std::string& 
     if (!goOn(reader.progress())) break;
     const double stamp_s = stampOf(*sample);
     if (!first_s) first_s = stamp_s;
-    report.recorded_s = stamp_s - *first_s;
+    report.recorded_s = std::max(report.recorded_s, stamp_s - *first_s);
     const bool disabled = stamp_s >= *first_s + options.live.disable_after_s &&
                           matchesLabel(options.live.disable_labels, labelOf(*sample));
     if (disabled) {
@@ -173,9 +173,11 @@ ReplayReport localize(LogReader& reader, const MapFile& map, const std::string& 
     watch.at(stamp_s);
     const auto before = Clock::now();
     const auto outputs = localizer.add(*sample);
+    longest_s = std::max(longest_s, std::chrono::duration<double>(Clock::now() - before).count());
     const bool matched =
         std::any_of(outputs.begin(), outputs.end(), [](const auto& o) { return o.scan_match.has_value(); });
-    if (matched) tally.addTime(std::chrono::duration<double>(Clock::now() - before).count());
+    if (matched) tally.addTime(longest_s);
+    if (!outputs.empty()) longest_s = 0;
     hand(outputs);
   }
   hand(localizer.finish());
@@ -187,6 +189,7 @@ ReplayReport localize(LogReader& reader, const MapFile& map, const std::string& 
   report.passed_over = localizer.passedOver();
   report.tile_loads = localizer.tileLoads();
   report.searches = localizer.searches();
+  report.resets = static_cast<std::size_t>(localizer.resets());
   return report;
 }
 

@@ -25,12 +25,14 @@ bool isMotion(const Sample& s) {
 }  // namespace
 
 SampleOrder::SampleOrder(double window_s, Late late)
-    : x_window_s(window_s), x_leap_s(std::max(kLeastLeap_s, 0.5 * window_s)), x_late_policy(late) {}
+    : x_window_s(window_s), x_leap_s(std::max(kLeastLeap_s, 0.5 * window_s)), x_late_policy(late) {
+  x_last_s.fill(x_last_out_s);
+}
 
 void SampleOrder::add(Sample sample) {
   const double stamp_s = stampOf(sample);
   if (stamp_s < x_last_out_s) {
-    if (x_late_policy == Late::passed && !isMotion(sample))
+    if (x_late_policy == Late::passed && (!isMotion(sample) || stamp_s >= x_last_s[sample.index()]))
       x_passed.push_back(std::move(sample));
     else
       ++x_late;
@@ -83,6 +85,7 @@ std::optional<Sample> SampleOrder::next() {
   if (!x_passed.empty()) {
     Sample first = std::move(x_passed.front());
     x_passed.pop_front();
+    x_last_s[first.index()] = std::max(x_last_s[first.index()], stampOf(first));
     return first;
   }
   if (x_waiting.empty()) return std::nullopt;
@@ -90,6 +93,7 @@ std::optional<Sample> SampleOrder::next() {
   if (!x_at_end && x_clock_s - first->first <= x_window_s && x_waiting.size() <= kMaxHeld)
     return std::nullopt;
   x_last_out_s = first->first;
+  x_last_s[first->second.index()] = x_last_out_s;
   return std::move(x_waiting.extract(first).mapped());
 }
 

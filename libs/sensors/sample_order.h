@@ -2,6 +2,7 @@
  * Samples in order of time, whichever way they come. */
 #pragma once
 
+#include <array>
 #include <cstddef>
 #include <deque>
 #include <functional>
@@ -15,8 +16,8 @@
 
 namespace raceloc {
 
-/** What becomes of a fix, an INS pose or a scan that is older than what has gone out already. Motion is always dropped
- * then: who integrates it needs it in order. */
+/** What becomes of a sample that is older than what has gone out already. Motion that is older than motion of its kind is
+ * always dropped: who integrates it needs it in order. */
 enum class Late {
   dropped,  ///< and counted
   passed,   ///< goes out at once, for a reader that can put it in its place
@@ -68,6 +69,7 @@ class SampleOrder {
   std::deque<Sample> x_passed;              ///< late ones that go out next
   std::vector<Ahead> x_ahead;               ///< leaps, in the order in which they came
   std::size_t x_late = 0;
+  std::array<double, std::variant_size_v<Sample>> x_last_s;  ///< that went out, by kind
   std::map<std::string, std::size_t> x_left_out;
 };
 

@@ -159,7 +159,7 @@ TEST(FusionHistoryProperty, AnyOrderOfArrivalGivesTheBitsOfTheRightOrder) {
     const auto in_order = drive(3, rnd, noise_at_times);
     auto shuffled = in_order;
     std::vector<double> arrival_s;
-    for (const auto& message : in_order) arrival_s.push_back(stampOf(message) + rnd.uniform(0, 0.45));
+    for (const auto& message : in_order) arrival_s.push_back(stampOf(message) + rnd.uniform(0, 0.98));
     std::vector<std::size_t> order(in_order.size());
     for (std::size_t i = 0; i < order.size(); ++i) order[i] = i;
     std::stable_sort(order.begin(), order.end(), [&](auto a, auto b) { return arrival_s[a] < arrival_s[b]; });
@@ -297,10 +297,12 @@ TEST(FusionHistory, OneSourceAloneNeverMovesALostEstimate) {
 }
 
 TEST(FusionHistoryProperty, NothingLocksItOut) {
-  forAll(20, [](Random& rnd) {
+  forAll(60, [](Random& rnd) {
     FusionHistory history = started();
-    // The estimate is taken away by any distance, unseen by all sources; then two of them are back.
-    const double speed_error = rnd.uniform(-0.3, 0.3), back_s = rnd.uniform(3, 9);
+    // The estimate is taken away by any distance along and across, unseen by all sources; then two of them are back.
+    const double speed_error = rnd.oneOf({0.0, 0.02, 0.3}) * rnd.uniform(-1, 1);
+    const double yaw_error_rps = rnd.oneOf({0.0, 0.004, 0.02}) * rnd.uniform(-1, 1);
+    const double back_s = rnd.uniform(3, 9);
     const std::string gone = rnd.oneOf({"gps_left", "gps_right", "scan_match"});
     const auto fault = [&](TimedFix& fix, Random&) {
       return fix.stamp_s < 1 || (fix.stamp_s > back_s && fix.fix.source != gone);
@@ -308,11 +310,33 @@ TEST(FusionHistoryProperty, NothingLocksItOut) {
     auto messages = drive(12, rnd, fault);
     for (auto& message : messages)
       if (auto* control = std::get_if<Control>(&message);
-          control && control->stamp_s > 1 && control->stamp_s < back_s)
+          control && control->stamp_s > 1 && control->stamp_s < back_s) {
         control->speed_mps *= 1 + speed_error;
+        control->yaw_rate_rps += yaw_error_rps;
+      }
     const Course r = driven(history, messages);
     EXPECT_LT(r.worst_m(back_s + 1, 12), 0.30);
   });
+}
+
+TEST(FusionHistory, AHeadingThatFlipsIsLeftOutAndItsPositionHeard) {
+  const auto flip = [](TimedFix& fix, Random&) {
+    if (fix.fix.source == "gps_left" && within(fix, 5, 10)) fix.fix.heading_rad += M_PI;
+    return true;
+  };
+  Random rnd(1);
+  FusionHistory history = started();
+  const Course r = driven(history, drive(10, rnd, flip));
+  EXPECT_LT(r.worst_m(5, 10), 0.30);
+  EXPECT_LT(std::abs(wrapAngle(history.newest().car.mean(2) - truthAt(10).heading_rad)), 0.01);
+}
+
+TEST(FusionHistory, AnAbsurdNumberIsRejectedLikeAnyOther) {
+  const auto absurd = [](TimedFix& fix, Random&) {
+    if (fix.fix.source == "gps_left" && within(fix, 5, 5.2)) fix.fix.p_map_m.x() = 1e160;
+    return true;
+  };
+  EXPECT_LT(driven(7, 1, absurd).worst_m(5, 7), 0.30);
 }
 
 }  // namespace
