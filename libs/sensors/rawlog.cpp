@@ -38,7 +38,6 @@ using mrpt::obs::CObservation;
 using mrpt::obs::CObservationComment;
 using mrpt::obs::CObservationGPS;
 using mrpt::obs::CObservationIMU;
-using mrpt::obs::CObservationOdometry;
 using mrpt::obs::CObservationRawDAQ;
 using mrpt::obs::CObservationRobotPose;
 using mrpt::obs::gnss::Message_NMEA_GGA;
