@@ -10,7 +10,6 @@
 #include <algorithm>
 #include <cerrno>
 #include <cstring>
-#include <regex>
 
 #include "core/errors.h"
 
@@ -20,6 +19,26 @@ namespace {
 
 InputError bad(const std::string& url, const std::string& what) {
   return InputError("ini section [live]: stream = " + url + ": " + what);
+}
+
+struct UrlParts {
+  bool is_tcp;
+  std::string host, port;  ///< the port is of one to five digits
+};
+
+UrlParts partsOf(const std::string& url) {
+  constexpr std::size_t kScheme = 6;  // characters of udp:// and tcp://
+  const std::string scheme = url.substr(0, kScheme);
+  const std::size_t colon = url.find(':', kScheme);
+  const bool is_whole =
+      (scheme == "udp://" || scheme == "tcp://") && colon != std::string::npos && colon > kScheme;
+  const std::string host = is_whole ? url.substr(kScheme, colon - kScheme) : "";
+  const std::string port = is_whole ? url.substr(colon + 1) : "";
+  const bool is_port =
+      !port.empty() && port.size() <= 5 && port.find_first_not_of("0123456789") == std::string::npos;
+  if (!is_port || host.find('/') != std::string::npos)
+    throw bad(url, "it must be udp://HOST:PORT or tcp://HOST:PORT");
+  return {scheme == "tcp://", host, port};
 }
 
 sockaddr_in addressOf(const std::string& url, const std::string& host, const std::string& port) {
@@ -37,13 +56,11 @@ sockaddr_in addressOf(const std::string& url, const std::string& host, const std
 }  // namespace
 
 LineStream::LineStream(const std::string& url) : x_url(url) {
-  std::smatch part;
-  if (!std::regex_match(url, part, std::regex("(udp|tcp)://([^:/]+):([0-9]{1,5})")))
-    throw bad(url, "it must be udp://HOST:PORT or tcp://HOST:PORT");
-  x_is_tcp = part[1] == "tcp";
-  if (std::stoi(part[3]) > 65535 || (!x_is_tcp && std::stoi(part[3]) == 0))
-    throw bad(url, "there is no port " + part[3].str());
-  sockaddr_in address = addressOf(url, part[2], part[3]);
+  const auto [is_tcp, host, port] = partsOf(url);
+  x_is_tcp = is_tcp;
+  if (std::stoi(port) > 65535 || (!x_is_tcp && std::stoi(port) == 0))
+    throw bad(url, "there is no port " + port);
+  sockaddr_in address = addressOf(url, host, port);
   auto* const peer = reinterpret_cast<sockaddr*>(&address);
   x_socket = ::socket(AF_INET, (x_is_tcp ? SOCK_STREAM : SOCK_DGRAM) | SOCK_NONBLOCK | SOCK_CLOEXEC, 0);
   const int on = 1;
@@ -60,7 +77,7 @@ LineStream::LineStream(const std::string& url) : x_url(url) {
     if (x_socket >= 0) ::close(x_socket);
     throw bad(url, std::string(x_is_tcp ? "cannot listen there" : "cannot send there") + " (" + reason + ")");
   }
-  if (x_is_tcp) x_url = "tcp://" + part[2].str() + ":" + std::to_string(ntohs(address.sin_port));
+  if (x_is_tcp) x_url = "tcp://" + host + ":" + std::to_string(ntohs(address.sin_port));
 }
 
 LineStream::~LineStream() {
