@@ -30,22 +30,6 @@ struct Heading {
 
 constexpr double kShortestResultant = 0.5;  // below it, a mean of headings is nobody's heading
 
-void requireSound(const PoseFix& fix) {
-  const auto refuse = [&fix](const char* what) {
-    throw std::invalid_argument("gate: fix of " + fix.source + ": " + what);
-  };
-  const Eigen::Matrix2d& C = fix.cov_p_m2;
-  if (!fix.p_map_m.allFinite()) refuse("position is not finite");
-  if (!fix.p_body_m.allFinite()) refuse("lever arm is not finite");
-  if (!C.allFinite()) refuse("covariance is not finite");
-  if (std::abs(C(0, 1) - C(1, 0)) > 1e-9 * std::abs(C.trace())) refuse("covariance is not symmetric");
-  if (!(C(0, 0) > 0 && C.determinant() > 0)) refuse("covariance is not positive definite");
-  if (fix.heading == HeadingKind::none) return;
-  if (!std::isfinite(fix.heading_rad)) refuse("heading is not finite");
-  if (!(std::isfinite(fix.heading_sigma_rad) && fix.heading_sigma_rad > 0))
-    refuse("heading sigma is not positive");
-}
-
 /** All fixes by name: sums then run in one order, whatever the order of arrival. */
 Order byName(const std::vector<PoseFix>& fixes) {
   Order order(fixes.size());
@@ -166,7 +150,9 @@ double conditionalProbability(double delta) {
 
 GateResult gate(const CarState& predicted, const std::vector<PoseFix>& fixes, const GateOptions& options) {
   if (fixes.empty()) throw std::invalid_argument("gate: no fix to decide on");
-  for (const auto& fix : fixes) requireSound(fix);
+  for (const auto& fix : fixes)
+    if (const char* defect = defectOf(fix))
+      throw std::invalid_argument("gate: fix of " + fix.source + ": " + defect);
 
   GateResult result;
   Order used;

@@ -10,20 +10,19 @@ namespace raceloc {
 
 namespace {
 
+/** Where the record of a source is, or would be. */
+std::vector<SourceRecord>::iterator placeOf(std::vector<SourceRecord>& records, const std::string& source) {
+  return std::lower_bound(records.begin(), records.end(), source,
+                          [](const SourceRecord& r, const std::string& name) { return r.source < name; });
+}
+
 SourceRecord& recorded(EstimatorState& state, const PoseFix& fix, const ReliabilityOptions& options) {
   auto& records = state.records;
-  const auto place =
-      std::lower_bound(records.begin(), records.end(), fix.source,
-                       [](const SourceRecord& r, const std::string& name) { return r.source < name; });
+  const auto place = placeOf(records, fix.source);
   if (place == records.end() || place->source != fix.source)
     return *records.insert(place, firstRecord(state.stamp_s, state.car, fix));
   record(*place, state.stamp_s, state.car, fix, options);
   return *place;
-}
-
-std::vector<SourceRecord>::iterator recordOf(EstimatorState& state, const std::string& source) {
-  return std::find_if(state.records.begin(), state.records.end(),
-                      [&](const SourceRecord& r) { return r.source == source; });
 }
 
 /** Dead reckoning and estimate move alike, but for the angle between their directions; the memory fades. */
@@ -81,7 +80,7 @@ void Estimator::corrected(EstimatorState& state, const CarState& to) const {
 bool Estimator::contradictsHeading(const CarState& predicted, const SourceRecord& record) const {
   if (!record.heading_rad) return false;
   const Eigen::Matrix4d& P =
-      predicted.covariance;  // of theta + b: no less than what either kind of heading measures
+      predicted.covariance;  // the larger of theta's and theta + b's: either may be measured
   const double variance_rad2 = std::max(P(2, 2), P(2, 2) + P(3, 3) + 2 * P(2, 3)) +
                                *record.heading_sigma_rad * *record.heading_sigma_rad;
   return std::pow(wrapAngle(*record.heading_rad), 2) > x_confirm_limit * variance_rad2;
@@ -113,7 +112,7 @@ GateDecision Estimator::decide(EstimatorState& state, std::vector<PoseFix> fixes
   std::vector<std::size_t> numbers;  // of the fixes that are heard
   for (std::size_t i = 0; i < fixes.size(); ++i) {
     SourceVerdict& verdict = verdicts[i];
-    const auto known = recordOf(state, fixes[i].source);
+    const auto known = placeOf(state.records, fixes[i].source);
     verdict.left = known->left;
     verdict.confirms = known->confirms && !known->left;
     if (known->left) {
@@ -145,7 +144,7 @@ GateDecision Estimator::decide(EstimatorState& state, std::vector<PoseFix> fixes
     verdict.weight = gated.weight;
     verdict.accepted = gated.accepted;
     verdict.confirms = verdict.confirms && gated.accepted;
-    recordOf(state, verdict.source)->confirms = verdict.confirms;
+    placeOf(state.records, verdict.source)->confirms = verdict.confirms;
   }
   for (auto& verdict : verdicts) verdict.p_theta = conditionalProbability(verdict.delta);
   if (heard.size() < verdicts.size() && decision.rule != GateRule::rejected_all)
@@ -183,6 +182,7 @@ void Estimator::tryTwoKeys(EstimatorState& state, GateDecision& decision) const 
     record->with_others_since_s.reset();
     record->confirms = true;
   }
+  for (auto& record : state.records) record.rate_mps.setZero();  // it was the old heading's
   state.motion = {};
   state.confirmed_s = state.stamp_s;
   state.keys_since_s.reset();

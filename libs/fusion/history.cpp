@@ -1,11 +1,11 @@
 #include "fusion/history.h"
 
-#include <Eigen/Cholesky>
 #include <algorithm>
 #include <cmath>
 #include <tuple>
 
 #include "core/types.h"
+#include "fusion/measurement.h"
 
 namespace raceloc {
 
@@ -16,21 +16,9 @@ bool sound(const Control& c) {
          std::isfinite(c.slip_rad) && std::isfinite(c.speed_sigma_mps);
 }
 
-bool sound(const TimedFix& timed) {
-  const PoseFix& fix = timed.fix;
-  const Eigen::Matrix2d& C = fix.cov_p_m2;
-  const bool position = std::isfinite(timed.stamp_s) && fix.p_map_m.allFinite() && fix.p_body_m.allFinite() &&
-                        C.allFinite() && std::abs(C(0, 1) - C(1, 0)) <= 1e-9 * std::abs(C.trace()) &&
-                        C(0, 0) > 0 && C.determinant() > 0;
-  const bool heading =
-      fix.heading == HeadingKind::none ||
-      (std::isfinite(fix.heading_rad) && std::isfinite(fix.heading_sigma_rad) && fix.heading_sigma_rad > 0);
-  return position && heading;
-}
-
 bool before(const Control& a, const Control& b) {
-  return std::tie(a.stamp_s, a.speed_mps, a.yaw_rate_rps, a.slip_rad) <
-         std::tie(b.stamp_s, b.speed_mps, b.yaw_rate_rps, b.slip_rad);
+  return std::tie(a.stamp_s, a.speed_mps, a.yaw_rate_rps, a.slip_rad, a.speed_sigma_mps) <
+         std::tie(b.stamp_s, b.speed_mps, b.yaw_rate_rps, b.slip_rad, b.speed_sigma_mps);
 }
 
 }  // namespace
@@ -130,7 +118,7 @@ Acceptance FusionHistory::add(const Control& control) {
 
 Acceptance FusionHistory::add(const TimedFix& timed) {
   x_made.clear();
-  if (!sound(timed)) return Acceptance::unsound;
+  if (!std::isfinite(timed.stamp_s) || defectOf(timed.fix)) return Acceptance::unsound;
   const double newest_s = x_controls.back().stamp_s;
   if (timed.stamp_s <= newest_s - x_options.lag_s || timed.stamp_s < x_base.stamp_s) return Acceptance::late;
   if (timed.stamp_s > newest_s + x_options.lag_s) return Acceptance::ahead;

@@ -1,5 +1,8 @@
 #include "fusion/measurement.h"
 
+#include <Eigen/LU>
+#include <cmath>
+
 #include "core/types.h"
 
 namespace raceloc {
@@ -21,6 +24,20 @@ Eigen::Matrix<double, 3, 4> observationMatrix(const PoseFix& fix, double theta_r
   if (fix.heading != HeadingKind::none) H(2, 2) = 1;
   if (fix.heading == HeadingKind::course) H(2, 3) = 1;
   return H;
+}
+
+const char* defectOf(const PoseFix& fix) {
+  const Eigen::Matrix2d& C = fix.cov_p_m2;
+  if (!fix.p_map_m.allFinite()) return "position is not finite";
+  if (!fix.p_body_m.allFinite()) return "lever arm is not finite";
+  if (!C.allFinite()) return "covariance is not finite";
+  if (std::abs(C(0, 1) - C(1, 0)) > 1e-9 * std::abs(C.trace())) return "covariance is not symmetric";
+  if (!(C(0, 0) > 0 && C.determinant() > 0)) return "covariance is not positive definite";
+  if (fix.heading == HeadingKind::none) return nullptr;
+  if (!std::isfinite(fix.heading_rad)) return "heading is not finite";
+  if (!(std::isfinite(fix.heading_sigma_rad) && fix.heading_sigma_rad > 0))
+    return "heading sigma is not positive";
+  return nullptr;
 }
 
 Eigen::Vector3d readingOf(const PoseFix& fix) {

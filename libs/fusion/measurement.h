@@ -15,6 +15,9 @@ namespace raceloc {
 [[nodiscard]] Eigen::Vector3d predictedReading(const PoseFix& fix, const Eigen::Vector4d& x);
 /** H = dh/dx, 3x4; without a lever arm the paper's constant H. */
 [[nodiscard]] Eigen::Matrix<double, 3, 4> observationMatrix(const PoseFix& fix, double theta_rad);
+/** What makes a fix no measurement, in words: a value that is not finite, a covariance that is not symmetric positive
+ * definite, a heading without a positive sigma. Null for a sound one. */
+[[nodiscard]] const char* defectOf(const PoseFix& fix);
 /** y_k = [x y heading] [m, m, rad]. */
 [[nodiscard]] Eigen::Vector3d readingOf(const PoseFix& fix);
 /** R_k, 3x3 [m^2, rad^2]. */

@@ -32,9 +32,8 @@ struct SourceRecord {
   double stamp_s;              ///< of its newest fix
   Eigen::Vector2d residual_m;  ///< newest, fix less estimate, map axes
   Eigen::Vector2d mean_m;      ///< of the residuals since it last jumped
-  Eigen::Vector2d
-      rate_mps;  ///< mean rate of the residuals, without jumps: an estimate with a wrong heading runs away
-  Eigen::Matrix2d cov_m2;  ///< newest claim
+  Eigen::Vector2d rate_mps;    ///< mean rate of the residuals: an estimate with a wrong heading runs away
+  Eigen::Matrix2d cov_m2;      ///< newest claim
   /** Residual against theta and claim, if the newest fix has a heading. Of a course, with all of b in theta. */
   std::optional<double> heading_rad, heading_sigma_rad;
   double nis = 0;        ///< of the newest fix, see positionNis()
@@ -83,11 +82,11 @@ void record(SourceRecord& known, double stamp_s, const CarState& predicted, cons
                                 const ReliabilityOptions& options);
 
 /** Solution separation: marks the sources that leave the others, and takes back those that returned. The largest set
- * of fresh sources, scattering as they claim, and the car's own motion that agree with each other wins, of equally large ones that with the car's
- * own motion, then the first; a source that disagrees with at least two of it has left, and is back once it has agreed
- * with all of it for return_s. Which of two sources is right is hence told by the motion, or not at all.
- * \param records  by name; at most 16 count
- * Notes in left_by_m how far those that have left are from the winners' mean. */
+ * wins that agrees with each other, of the fresh sources that scatter as they claim and the car's own motion; of equally
+ * large ones that with the motion, then the first. A source that disagrees with at least two of it has left, and is back
+ * once it has agreed with all of it for return_s. Which of two sources is right is hence told by the motion, or not at
+ * all. How far those that have left are from the winners' mean is noted in left_by_m.
+ * \param records  by name; at most 16 count */
 void holdAgainstEachOther(std::vector<SourceRecord>& records, const MotionWitness& motion, double stamp_s,
                           const ReliabilityOptions& options);
 

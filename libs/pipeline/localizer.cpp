@@ -11,8 +11,6 @@ namespace raceloc {
 
 namespace {
 
-constexpr char kScanMatch[] = "scan_match";
-
 /** The same pose with another planar part: heading turned about the map's vertical, roll and pitch kept. */
 Pose withPlanar(const Pose& T, double x_m, double y_m, double theta_rad) {
   Pose out = T;
@@ -416,6 +414,10 @@ void Localizer::publish(std::vector<LocalizerOutput>& outputs) {
     if (place->gap_right_m) gap_m = std::min(gap_m.value_or(HUGE_VAL), *place->gap_right_m);
   }
   Integrity integrity = assess(now, gap_m, x_options.estimator.reliability, x_options.integrity);
+  if (integrity.state == LocalizationState::ok && x_window.isDegraded()) {
+    integrity.state = LocalizationState::degraded;
+    integrity.cause = "a tile of the map near the car is damaged";
+  }
   const Control& control = x_fusion->newestControl();
   outputs.push_back({x_stamp_s, T, covariance, control.speed_mps, control.yaw_rate_rps, x_by_wheels,
                      std::move(faults), std::move(integrity), std::exchange(x_new_decision, std::nullopt),

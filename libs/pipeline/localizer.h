@@ -21,6 +21,9 @@
 
 namespace raceloc {
 
+/** The scan match among the sources of a decision. */
+constexpr char kScanMatch[] = "scan_match";
+
 /** Section [localizer]. */
 struct LocalizerPolicy {
   double map_radius_m = 100;

@@ -78,7 +78,7 @@ namespace {
 
 /** What may have a say in decisions, in the order of the annotated log's columns. */
 std::vector<std::string> sourcesOf(std::vector<std::string> receivers, const std::string& gps_labels) {
-  std::vector<std::string> sources{"scan_match"};
+  std::vector<std::string> sources{kScanMatch};
   std::sort(receivers.begin(), receivers.end());
   for (const auto& label : receivers)
     if (matchesLabel(gps_labels, label)) sources.push_back(label);

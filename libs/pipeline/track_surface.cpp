@@ -150,8 +150,4 @@ Eigen::Matrix3d standingOn(const Eigen::Vector3d& up_map, double heading_rad) {
   return R_map_body;
 }
 
-PlanarMotion inPlane(const Eigen::Matrix3d& R_map_body, double speed_mps, double yaw_rate_rps) {
-  return {speed_mps * std::hypot(R_map_body(0, 0), R_map_body(1, 0)), yaw_rate_rps / R_map_body(2, 2)};
-}
-
 }  // namespace raceloc

@@ -1,6 +1,5 @@
 /** \file
- * The road and the walls beside a pose, from what a map knows along its racing line; and what a car that stands on a
- * bank moves in the plane. */
+ * The road and the walls beside a pose, from what a map knows along its racing line. */
 #pragma once
 
 #include <Eigen/Core>
@@ -92,20 +91,5 @@ class TrackSurface {
  * \return R_map_body: z is up_map, x is in the road above the heading, so yaw is heading_rad and roll and pitch are the
  *         road's */
 [[nodiscard]] Eigen::Matrix3d standingOn(const Eigen::Vector3d& up_map, double heading_rad);
-
-/** What a planar filter sees of a car. */
-struct PlanarMotion {
-  double speed_mps;     ///< of the position in the map's x-y plane
-  double yaw_rate_rps;  ///< of the heading about the map's vertical
-};
-
-/** Speed along the body's x axis and yaw rate about its z axis, in the plane. With R = R_map_body:
- *   speed = v hypot(R_00, R_10) = v cos(pitch),   yaw rate = r / R_22 = r / (cos(roll) cos(pitch)).
- * The first is the length of v R e_x in the plane. The second holds while roll and pitch stay the same, as in a banked
- * turn: the car then turns about the vertical, w = psi' e_z, of which its z axis sees r = e_z^T R^T w = psi' R_22. (A
- * gyro on a 20 deg bank shows 6 % less than the heading turns. On a tilted plane that does not turn with the car,
- * psi' = r cos(roll) / cos(pitch) instead: for what a driver weaves on a bank, not for the bend itself.)
- * Source: Euler's kinematic equation psi' = (q sin(roll) + r cos(roll)) / cos(pitch), with theta' = phi' = 0. */
-[[nodiscard]] PlanarMotion inPlane(const Eigen::Matrix3d& R_map_body, double speed_mps, double yaw_rate_rps);
 
 }  // namespace raceloc

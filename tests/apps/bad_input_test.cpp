@@ -252,6 +252,7 @@ TEST_F(BadMap, HasADamagedTile) {
   const auto result = runCommand(liveCommand(ini("live.ini"), path, kDrive.race(), out));
   EXPECT_EQ(result.exit_code, 0) << result.err;  // the car goes on without it
   EXPECT_THAT(result.out, HasSubstr("DEGRADED         map " + path + ": damaged: tile ("));
+  EXPECT_THAT(result.out, HasSubstr("outputs: a tile of the map near the car is damaged"));
 }
 
 TEST_F(BadMap, DisabledLabelIsNotInTheLog) {

@@ -158,22 +158,6 @@ TEST(TrackSurfaceProperty, ACarStandsOnTheRoadAndHeadsWhereItHeads) {
   });
 }
 
-TEST(TrackSurfaceProperty, InABankedTurnThePlaneSeesTheTurnOfTheHeading) {
-  forAll(200, [](Random& rnd) {
-    // A car on a cone turns about the vertical: its attitude at two times, and what its own sensors see.
-    const double bank_rad = rnd.uniform(-25, 25) * kDegree, grade_rad = rnd.uniform(-10, 10) * kDegree;
-    const double speed_mps = rnd.uniform(0, 90), turn_rps = rnd.uniform(-1, 1), dt_s = 1e-3;
-    const auto R_at = [&](double t_s) -> Eigen::Matrix3d {
-      return poseFromRpy(Eigen::Vector3d::Zero(), -bank_rad, -grade_rad, 0.3 + turn_rps * t_s).linear();
-    };
-    const Eigen::AngleAxisd turned(R_at(0).transpose() * R_at(dt_s));
-    const double yaw_rate_rps = turned.angle() * turned.axis().z() / dt_s;
-    const PlanarMotion planar = inPlane(R_at(0), speed_mps, yaw_rate_rps);
-    EXPECT_NEAR(planar.yaw_rate_rps, turn_rps, 1e-6);  // rounding of a small angle
-    EXPECT_NEAR(planar.speed_mps, (speed_mps * R_at(0).col(0)).head<2>().norm(), 1e-12);
-  });
-}
-
 /** A flat square track of 400 m with a road at 5 m of height, and one wall. */
 MapContent square() {
   const auto way_points = wayPointsAlong({{0, 0, 5}, {100, 0, 5}, {100, 100, 5}, {0, 100, 5}}, kSpacing_m);
