@@ -43,10 +43,16 @@ void advance(MotionWitness& motion, const CarState& car, const Control& rates, d
   motion.covariance(2, 2) += std::pow(options.fusion.yaw_rate_sigma_rps, 2) * duration_s;
 }
 
+void confirm(EstimatorState& state) {
+  state.confirmed_s = state.stamp_s;
+  state.alone_m = 0;
+  state.keys_since_s.reset();
+}
+
 }  // namespace
 
 EstimatorState beginAt(double stamp_s, const CarState& car) {
-  return {stamp_s, car, {}, {}, stamp_s, 0, std::nullopt, std::nullopt};
+  return {stamp_s, car, {}, {}, stamp_s, 0, 0, std::nullopt, std::nullopt};
 }
 
 Estimator::Estimator(const EstimatorOptions& options)
@@ -61,6 +67,7 @@ void Estimator::advance(EstimatorState& state, const Control& rates, double to_s
   x_filter.setState(state.car);
   x_filter.predict(duration_s, rates.speed_mps, rates.yaw_rate_rps, rates.slip_rad, rates.speed_sigma_mps);
   state.car = x_filter.state();
+  state.alone_m += std::abs(rates.speed_mps) * duration_s;
   state.stamp_s = to_s;
 }
 
@@ -153,8 +160,7 @@ GateDecision Estimator::decide(EstimatorState& state, std::vector<PoseFix> fixes
   const bool is_confirmed = isConfirmed();
   decision.alarm = !is_confirmed;
   if (is_confirmed) {
-    state.confirmed_s = state.stamp_s;
-    state.keys_since_s.reset();
+    confirm(state);
   } else {
     tryTwoKeys(state, decision);
   }
@@ -172,20 +178,21 @@ void Estimator::tryTwoKeys(EstimatorState& state, GateDecision& decision) const 
       !state.keys_since_s || state.stamp_s - *state.keys_seen_s > x_options.reliability.fresh_s;
   if (is_new) state.keys_since_s = state.stamp_s;
   state.keys_seen_s = state.stamp_s;
-  if (state.stamp_s - *state.keys_since_s < x_options.recovery.agree_s) return;
+  SourceRecord &first = state.records[keys->first], &second = state.records[keys->second];
+  const RecoveryOptions& recovery = x_options.recovery;
+  const bool have_leapt = first.leapt && second.leapt;
+  if (state.stamp_s - *state.keys_since_s < (have_leapt ? recovery.leap_s : recovery.agree_s)) return;
 
-  corrected(state, stateOf(state.car, state.stamp_s, state.records[keys->first], state.records[keys->second],
-                           x_options.fusion.bias_sigma_rad));
-  for (auto* record : {&state.records[keys->first], &state.records[keys->second]}) {
+  corrected(state, stateOf(state.car, state.stamp_s, first, second, x_options.fusion.bias_sigma_rad));
+  for (auto* record : {&first, &second}) {
     record->contradiction = 1;
-    record->left = false;
+    record->left = record->leapt = false;
     record->with_others_since_s.reset();
     record->confirms = true;
   }
   for (auto& record : state.records) record.rate_mps.setZero();  // it was the old heading's
   state.motion = {};
-  state.confirmed_s = state.stamp_s;
-  state.keys_since_s.reset();
+  confirm(state);
   ++state.resets;
   decision.reset = true;
 }

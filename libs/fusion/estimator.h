@@ -26,6 +26,7 @@ struct EstimatorState {
   MotionWitness motion;
   std::vector<SourceRecord> records;  ///< by name
   double confirmed_s;                 ///< when a source last confirmed the estimate, or when it began
+  double alone_m = 0;                 ///< way since then
   int resets = 0;                     ///< by two keys, so far
   /** Since when two sources have agreed with each other against the estimate, and when they last did. */
   std::optional<double> keys_since_s, keys_seen_s;
@@ -52,7 +53,7 @@ class Estimator {
    * 3. Claims that innovations contradict are inflated, by half their normalised square; gate() decides between what is
    *    left, and the filter is corrected with the result. An alarm is a decision while nobody confirms the estimate.
    * 4. When nobody has confirmed it for RecoveryOptions::alone_s, and two sources have agreed with each other for
-   *    agree_s, the estimate is set to them (reading.md section 2, lock-out).
+   *    agree_s, the estimate is set to them (reading.md section 2, lock-out); for leap_s if both leapt away from it.
    * A heading that is as unlikely is left out, while the estimate is confirmed, and the position is heard alone.
    * \throws std::invalid_argument as gate() does. */
   GateDecision decide(EstimatorState& state, std::vector<PoseFix> fixes);

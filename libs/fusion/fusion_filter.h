@@ -21,7 +21,7 @@ namespace raceloc {
  * bias_time_s it is a random walk of bias_sigma_rad sqrt(2 / bias_time_s) per root second. */
 struct FusionOptions {
   double speed_sigma_mps = 0.1;
-  double yaw_rate_sigma_rps = 0.005;
+  double yaw_rate_sigma_rps = 0.001;
   double bias_sigma_rad = 0.02;
   double bias_time_s = 30;
   double start_position_sigma_m = 1.0;

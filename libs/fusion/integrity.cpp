@@ -24,30 +24,31 @@ const char* nameOf(LocalizationState state) {
 
 void IntegrityOptions::describe(OptionList& keys) {
   keys.add("protection_sigmas", protection_sigmas, between(1, 10), "protection levels are this many sigmas");
-  keys.add("confirm_every_s", confirm_every_s, above(0),
-           "when no source has confirmed the estimate for this long, it is dead reckoning [s]");
-  keys.add("silent_after_s", silent_after_s, above(0), "a source without a fix for this long is missing [s]");
+  keys.add("drift_share", drift_share, between(0, 1),
+           "and this share of the way since a source last confirmed the estimate, along and across");
   keys.add("half_width_m", half_width_m, above(0), "from the car's middle to its side [m]");
   keys.add("alert_limit_m", alert_limit_m, above(0), "lateral alert limit where the map knows no wall [m]");
 }
 
-Integrity assess(const EstimatorState& state, std::optional<double> gap_m,
-                 const ReliabilityOptions& reliability, const IntegrityOptions& options) {
+Integrity assess(const EstimatorState& state, std::optional<double> gap_m, const EstimatorOptions& options,
+                 const IntegrityOptions& integrity) {
   const Eigen::Matrix2d R_body_map = Eigen::Rotation2Dd(-state.car.mean(2)).toRotationMatrix();
   const Eigen::Matrix2d P = R_body_map * state.car.covariance.topLeftCorner<2, 2>() * R_body_map.transpose();
   Eigen::Vector2d bias_m = Eigen::Vector2d::Zero();
   int confirming = 0;
   for (const SourceRecord& record : state.records) {
-    if (!record.confirms || record.left || state.stamp_s - record.stamp_s > options.silent_after_s) continue;
+    if (!record.confirms || record.left || state.stamp_s - record.stamp_s > options.reliability.fresh_s)
+      continue;
     ++confirming;
     bias_m = bias_m.cwiseMax((R_body_map * record.mean_m).cwiseAbs());
   }
 
+  const double drift_m = integrity.drift_share * state.alone_m;
   Integrity out;
-  out.protection = {options.protection_sigmas * std::sqrt(P(1, 1)) + bias_m.y(),
-                    options.protection_sigmas * std::sqrt(P(0, 0)) + bias_m.x(),
-                    options.protection_sigmas * std::sqrt(state.car.covariance(2, 2))};
-  out.alert_limit_m = gap_m ? std::max(0.0, *gap_m - options.half_width_m) : options.alert_limit_m;
+  out.protection = {integrity.protection_sigmas * std::sqrt(P(1, 1)) + bias_m.y() + drift_m,
+                    integrity.protection_sigmas * std::sqrt(P(0, 0)) + bias_m.x() + drift_m,
+                    integrity.protection_sigmas * std::sqrt(state.car.covariance(2, 2))};
+  out.alert_limit_m = gap_m ? std::max(0.0, *gap_m - integrity.half_width_m) : integrity.alert_limit_m;
   const auto say = [&](LocalizationState what, std::string cause, double measured, double limit) {
     out.state = what;
     out.cause = std::move(cause);
@@ -60,23 +61,23 @@ Integrity assess(const EstimatorState& state, std::optional<double> gap_m,
     return say(LocalizationState::lost, "lateral error may exceed the alert limit [m]",
                out.protection.lateral_m, out.alert_limit_m);
   const double alone_s = state.stamp_s - state.confirmed_s;
-  if (alone_s > options.confirm_every_s)
+  if (alone_s > options.recovery.alone_s)
     return say(LocalizationState::dead_reckoning, "no source confirms it [s]", alone_s,
-               options.confirm_every_s);
+               options.recovery.alone_s);
   for (const SourceRecord& record : state.records) {
     const double silent_s = state.stamp_s - record.stamp_s;
-    if (silent_s > options.silent_after_s)
+    if (silent_s > options.reliability.fresh_s)
       return say(LocalizationState::degraded, record.source + " is silent [s]", silent_s,
-                 options.silent_after_s);
+                 options.reliability.fresh_s);
     if (record.left)
       return say(LocalizationState::degraded, record.source + " left the others [m]", record.left_by_m,
-                 reliability.separation_m);
+                 options.reliability.separation_m);
     if (!scattersAsClaimed(record))
       return say(LocalizationState::degraded, record.source + " scatters beyond its claim [times]",
                  record.scatter, kMostScatter);
     if (!record.confirms)
       return say(LocalizationState::degraded, record.source + " contradicts the estimate [NIS]", record.nis,
-                 chiSquareLimit(reliability.confirm_false_alarm, 2));
+                 chiSquareLimit(options.reliability.confirm_false_alarm, 2));
   }
   if (confirming < 2)
     return say(LocalizationState::degraded, "fewer than two sources confirm it", confirming, 2);

@@ -21,8 +21,7 @@ enum class LocalizationState {
 /** Section [integrity]. */
 struct IntegrityOptions {
   double protection_sigmas = 5;
-  double confirm_every_s = 0.2;
-  double silent_after_s = 0.5;
+  double drift_share = 0.01;
   double half_width_m = 1;
   double alert_limit_m = 3;
   void describe(OptionList& keys);
@@ -43,9 +42,9 @@ struct Integrity {
   double alert_limit_m = 0;  ///< lateral: the gap from the car's side to the nearest wall
 };
 
-/** Bounds: so many sigmas of the filter's covariance, and what sources that confirm the estimate are off from it in the
- * mean. \param gap_m  from the car's middle to the nearest wall; none: it is not known, and alert_limit_m stands */
+/** Bounds: so many sigmas of the filter's covariance, what sources that confirm the estimate are off from it in the mean,
+ * and of the way without such a source a share: wheels that slip and a gyro that is off are no white noise. \param gap_m  from the car's middle to the nearest wall; none: it is not known, and alert_limit_m stands */
 [[nodiscard]] Integrity assess(const EstimatorState& state, std::optional<double> gap_m,
-                               const ReliabilityOptions& reliability, const IntegrityOptions& options);
+                               const EstimatorOptions& options, const IntegrityOptions& integrity);
 
 }  // namespace raceloc

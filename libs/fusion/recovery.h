@@ -13,6 +13,7 @@ namespace raceloc {
 /** Section [recovery]. */
 struct RecoveryOptions {
   double agree_s = 0.5;
+  double leap_s = 10;
   double alone_s = 0.2;
   void describe(OptionList& keys);
 };

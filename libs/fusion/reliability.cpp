@@ -42,7 +42,7 @@ void ReliabilityOptions::describe(OptionList& keys) {
   keys.add("inflate_from", inflate_from, atLeast(1),
            "how many times its claim a source's scatter or contradiction must be before its covariance is "
            "inflated by it");
-  keys.add("fresh_s", fresh_s, above(0), "a source is heard for this long after its last fix [s]");
+  keys.add("fresh_s", fresh_s, above(0), "a source without a fix for this long is missing [s]");
   keys.add("return_s", return_s, atLeast(0),
            "a source that left is believed after it has agreed for this long [s]");
   keys.add("motion_memory_s", motion_memory_s, above(0),
@@ -82,6 +82,7 @@ void record(SourceRecord& known, double stamp_s, const CarState& predicted, cons
         (now.residual_m - known.residual_m).squaredNorm() / (known.cov_m2.trace() + fix.cov_p_m2.trace()),
         kMostNis);
     const auto mean = [&](double before, double value) { return before + share * (value - before); };
+    now.leapt = step > kJump ? known.confirms : known.leapt;
     if (step <= kJump) now.mean_m = known.mean_m + share * (now.residual_m - known.mean_m);
     Eigen::Vector2d rate_mps = (now.residual_m - known.residual_m) / (stamp_s - known.stamp_s);
     rate_mps *= std::min(1.0, kFastest_mps / std::max(kFastest_mps, rate_mps.norm()));

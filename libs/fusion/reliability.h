@@ -44,6 +44,9 @@ struct SourceRecord {
   double scatter = 1;     ///< the same with each step at most kMostStep: forgives soon
   bool confirms = false;  ///< its newest fix was accepted, as its claim lets expect
   bool left = false;
+  /** It confirmed the estimate, then was elsewhere from one fix to the next, and has stayed there: the car does not move so,
+   * hence the fault is the source's. */
+  bool leapt = false;
   std::optional<double> with_others_since_s;  ///< while it has left: since when it is back
 };
 

@@ -46,6 +46,8 @@ Eigen::Vector2d planarLever(const Eigen::Matrix3d& R_map_body, const Eigen::Vect
 }
 
 constexpr double kMatchMemory_s = 1;
+// Over longer, what calibration drifts counts more than what is known of the two ends.
+constexpr double kLongestLesson_s = 1;
 
 }  // namespace
 
@@ -299,6 +301,7 @@ void Localizer::moveTo(double stamp_s) {
   x_stamp_s = stamp_s;
   x_T_map_body = T_map_next;
   x_T_map_body = poseAt(stamp_s, x_fusion->newest().car);
+  teachByEstimate();
 }
 
 Pose Localizer::poseAt(double stamp_s, const CarState& car) const {
@@ -361,14 +364,29 @@ void Localizer::matchSweep(const Sweep& sweep) {
   x_new_match = ScanMatch{end_s, poseAt(end_s, x_fusion->at(end_s).car), *match, trusted, source.cloud};
 }
 
+void Localizer::teach(const KnownPose& from, const KnownPose& to) {
+  x_history.observe(from.stamp_s, to.stamp_s, from.T_map_body.inverse() * to.T_map_body,
+                    from.covariance + to.covariance);
+}
+
+void Localizer::teachByEstimate() {
+  constexpr double kEvery_s = 0.5, kJustConfirmed_s = 0.1;
+  const EstimatorState& now = x_fusion->newest();
+  const bool has_match = x_last_match && x_stamp_s - x_last_match->stamp_s < kMatchMemory_s;
+  if (has_match || now.stamp_s - now.confirmed_s > kJustConfirmed_s) {
+    x_last_lesson.reset();
+    return;
+  }
+  if (x_last_lesson && x_stamp_s - x_last_lesson->stamp_s < kEvery_s) return;
+  const KnownPose here{x_stamp_s, x_T_map_body, covarianceOf(now.car)};
+  if (x_last_lesson) teach(*x_last_lesson, here);
+  x_last_lesson = here;
+}
+
 void Localizer::believe(double stamp_s, const Registration& match) {
-  constexpr double kLongest_s =
-      1;  // over longer, what calibration drifts counts more than what a match knows
-  if (x_last_match && stamp_s - x_last_match->stamp_s < kLongest_s)
-    x_history.observe(x_last_match->stamp_s, stamp_s,
-                      x_last_match->T_map_body.inverse() * match.T_target_source,
-                      x_last_match->covariance + match.covariance);
-  x_last_match = BelievedMatch{stamp_s, match.T_target_source, match.covariance};
+  const KnownPose now{stamp_s, match.T_target_source, match.covariance};
+  if (x_last_match && stamp_s - x_last_match->stamp_s < kLongestLesson_s) teach(*x_last_match, now);
+  x_last_match = now;
   const Pose& T = match.T_target_source;
   if (const auto place = x_surface.at(T.translation().head<2>(), yawOf(T), T.translation().z());
       place && place->road)
@@ -377,14 +395,7 @@ void Localizer::believe(double stamp_s, const Registration& match) {
   x_T_map_body = poseAt(x_stamp_s, x_fusion->newest().car);
 }
 
-void Localizer::publish(std::vector<LocalizerOutput>& outputs) {
-  if (!started() || !(x_stamp_s > x_published_s)) return;
-  x_published_s = x_stamp_s;
-  const EstimatorState& now = x_fusion->newest();
-  const CarState& car = now.car;
-  const Pose T = poseAt(x_stamp_s, car);
-
-  // Height, roll and pitch have the last match's errors; before the first one, what a start leaves open.
+Matrix6d Localizer::covarianceOf(const CarState& car) const {
   constexpr double kUnknownHeight_m = 1.0, kUnknownTilt_rad = 0.1;
   Matrix6d covariance = x_last_match ? x_last_match->covariance : Matrix6d(Matrix6d::Zero());
   if (!x_last_match) {
@@ -402,6 +413,15 @@ void Localizer::publish(std::vector<LocalizerOutput>& outputs) {
   const Eigen::Vector2d cross = R * car.covariance.block<2, 1>(0, 2);
   covariance.block<2, 1>(3, 2) = cross;
   covariance.block<1, 2>(2, 3) = cross.transpose();
+  return covariance;
+}
+
+void Localizer::publish(std::vector<LocalizerOutput>& outputs) {
+  if (!started() || !(x_stamp_s > x_published_s)) return;
+  x_published_s = x_stamp_s;
+  const EstimatorState& now = x_fusion->newest();
+  const CarState& car = now.car;
+  const Pose T = poseAt(x_stamp_s, car);
 
   FaultCounts faults = std::exchange(x_noted, {});
   faults.merge(x_queue.takeFaults(x_stamp_s));
@@ -413,13 +433,13 @@ void Localizer::publish(std::vector<LocalizerOutput>& outputs) {
     if (place->gap_left_m) gap_m = place->gap_left_m;
     if (place->gap_right_m) gap_m = std::min(gap_m.value_or(HUGE_VAL), *place->gap_right_m);
   }
-  Integrity integrity = assess(now, gap_m, x_options.estimator.reliability, x_options.integrity);
+  Integrity integrity = assess(now, gap_m, x_options.estimator, x_options.integrity);
   if (integrity.state == LocalizationState::ok && x_window.isDegraded()) {
     integrity.state = LocalizationState::degraded;
     integrity.cause = "a tile of the map near the car is damaged";
   }
   const Control& control = x_fusion->newestControl();
-  outputs.push_back({x_stamp_s, T, covariance, control.speed_mps, control.yaw_rate_rps, x_by_wheels,
+  outputs.push_back({x_stamp_s, T, covarianceOf(car), control.speed_mps, control.yaw_rate_rps, x_by_wheels,
                      std::move(faults), std::move(integrity), std::exchange(x_new_decision, std::nullopt),
                      std::exchange(x_new_match, std::nullopt)});
 }

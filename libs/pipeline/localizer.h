@@ -31,7 +31,7 @@ struct LocalizerPolicy {
   double max_fix_age_s = 0.3;
   double min_course_speed_mps = 3.0;
   double course_sigma_deg = 2.0;
-  double gps_min_sigma_m = 0.1;
+  double gps_min_sigma_m = 0.05;
   double start_patience_s = 3.0;
   int search_after = 5;
   void describe(OptionList& keys);
@@ -123,6 +123,12 @@ class Localizer {
     std::optional<InsPose> ins;      ///< newest
   };
 
+  struct KnownPose {
+    double stamp_s;
+    Pose T_map_body;
+    Matrix6d covariance;
+  };
+
   void take(const GpsFix& fix);
   void take(const InsPose& pose);
   void take(const ImuSample& sample);
@@ -145,6 +151,13 @@ class Localizer {
   void enter(double stamp_s, PoseFix fix);
   [[nodiscard]] Eigen::Vector2d trialNoise(const std::string& source, double stamp_s);
   void believe(double stamp_s, const Registration& match);
+  /** The motion between two known poses, for the calibration. */
+  void teach(const KnownPose& from, const KnownPose& to);
+  /** While there is no match, what the receivers tell of speed and yaw rate is better than nothing. */
+  void teachByEstimate();
+  /** Of the right increment (rad, m): height, roll and pitch have the last match's errors; before the first one, what a
+   * start leaves open. */
+  [[nodiscard]] Matrix6d covarianceOf(const CarState& car) const;
 
   /** The car's motion by its wheels; where they say nothing, at the last speed and yaw rate. */
   [[nodiscard]] Pose motionBetween(double from_s, double to_s) const;
@@ -162,16 +175,12 @@ class Localizer {
     std::string receiver;
     Pose T_map_body;
   };
-  struct BelievedMatch {
-    double stamp_s;
-    Pose T_map_body;
-    Matrix6d covariance;
-  };
   // What is aligned to 16 bytes comes first: less padding.
   std::optional<FusionHistory> x_fusion;
   Pose x_T_map_body = Pose::Identity();  ///< at x_stamp_s: attitude and height as last known
   std::optional<StartPlace> x_place;
-  std::optional<BelievedMatch> x_last_match;
+  std::optional<KnownPose> x_last_match;   ///< that was believed
+  std::optional<KnownPose> x_last_lesson;  ///< of teachByEstimate()
   std::optional<ScanMatch> x_new_match;
   std::optional<DatedDecision> x_new_decision;
   MotionHistory x_history;

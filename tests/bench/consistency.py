@@ -10,28 +10,42 @@ import sys
 
 import numpy as np
 
-errors = {round(float(r["stamp_s"]), 3): r for r in csv.DictReader(open(sys.argv[1]))}
-states = {"0": "ok", "1": "degraded", "2": "dead reckoning", "3": "lost"}
-counts, beyond, nees = {}, {"lateral": 0, "longitudinal": 0, "heading": 0}, []
-matched, last_s = 0, -math.inf
-for row in csv.DictReader(open(sys.argv[2])):
-    stamp_s = float(row["stamp_s"])
-    counts[states[row["state"]]] = counts.get(states[row["state"]], 0) + 1
-    error = errors.get(round(stamp_s, 3))
-    if error is None:
-        continue
-    matched += 1
-    e = np.array([float(error["longitudinal_m"]), float(error["lateral_m"]), math.radians(float(error["heading_deg"]))])
-    beyond["longitudinal"] += abs(e[0]) > float(row["protection_longitudinal_m"])
-    beyond["lateral"] += abs(e[1]) > float(row["protection_lateral_m"])
-    beyond["heading"] += abs(e[2]) > float(row["protection_heading_rad"])
-    if stamp_s - last_s < 1:
-        continue
-    last_s = stamp_s
-    xx, xy, xh, yy, yh, hh = (float(row[k]) for k in ("var_along_m2", "cov_along_across_m2", "cov_along_heading",
-                                                      "var_across_m2", "cov_across_heading", "var_heading_rad2"))
-    P = np.array([[xx, xy, xh], [xy, yy, yh], [xh, yh, hh]])
-    nees.append(e @ np.linalg.solve(P, e))
-print(f"{matched} epochs matched;", ", ".join(f"{k} {v}" for k, v in sorted(counts.items())))
-print("above the protection level:", ", ".join(f"{k} {v}" for k, v in beyond.items()))
-print(f"NEES (3 in the mean): mean {np.mean(nees):.2f}, median {np.median(nees):.2f}, {len(nees)} epochs a second apart")
+STATES = ("ok", "degraded", "dead reckoning", "lost")
+LEVELS = ("longitudinal_m", "lateral_m", "heading_rad")
+UPPER = ("var_along_m2", "cov_along_across_m2", "cov_along_heading_m_rad", "var_across_m2", "cov_across_heading_m_rad",
+         "var_heading_rad2")
+
+
+class Run:
+    """errors: n x 3, along, across [m], heading [rad]; beyond: n x 3, above the protection level; nees: one a second;
+    states: epochs in each of STATES."""
+
+    def __init__(self, errors_path, integrity_path):
+        with open(integrity_path) as file:
+            own = {round(float(row["stamp_s"]), 3): row for row in csv.DictReader(file)}
+        errors, beyond, nees, last_s = [], [], [], -math.inf
+        with open(errors_path) as file:
+            for row in csv.DictReader(file):
+                stamp_s = float(row["stamp_s"])
+                said = own.get(round(stamp_s, 3))
+                if said is None:
+                    continue
+                e = np.array([float(row["longitudinal_m"]), float(row["lateral_m"]), math.radians(float(row["heading_deg"]))])
+                errors.append(e)
+                beyond.append([abs(x) > float(said["protection_" + k]) for x, k in zip(e, LEVELS)])
+                if stamp_s - last_s < 1:
+                    continue
+                last_s = stamp_s
+                P = np.zeros((3, 3))
+                P[np.triu_indices(3)] = [float(said[k]) for k in UPPER]
+                nees.append(e @ np.linalg.solve(P + np.triu(P, 1).T, e))
+        self.errors, self.beyond, self.nees = np.array(errors), np.array(beyond), np.array(nees)
+        self.states = np.bincount([int(row["state"]) for row in own.values()], minlength=len(STATES))
+
+
+if __name__ == "__main__":
+    run = Run(sys.argv[1], sys.argv[2])
+    print(f"{len(run.errors)} epochs matched;", ", ".join(f"{k} {v}" for k, v in zip(STATES, run.states)))
+    print("above the protection level:", ", ".join(f"{k} {v}" for k, v in zip(LEVELS, run.beyond.sum(axis=0))))
+    print(f"NEES (3 in the mean): mean {np.mean(run.nees):.2f}, median {np.median(run.nees):.2f}, {len(run.nees)} epochs a "
+          "second apart")

@@ -201,6 +201,30 @@ TEST(FusionHistory, WhatIsTooLateAheadRepeatedOrNoNumberIsNamed) {
   }
 }
 
+TEST(FusionHistoryProperty, ErrorsAreAsLargeAsItSays) {
+  EstimatorOptions exact = options();  // the noise of drive(), whose car does not slip
+  exact.fusion.speed_sigma_mps = 0.3 * std::sqrt(0.01);
+  exact.fusion.yaw_rate_sigma_rps = 0.01 * std::sqrt(0.01);
+  exact.fusion.bias_sigma_rad = 0;
+  constexpr int kRuns = 50;
+  double nees = 0;
+  for (unsigned seed = 1; seed <= kRuns; ++seed) {
+    Random rnd(seed);
+    FusionHistory history(exact, {}, {{0, 0, 0, 0}, Eigen::Vector4d(0.01, 0.01, 1e-4, 0).asDiagonal()},
+                          {0, kSpeed_mps, kYawRate_rps});
+    for (const Message& message : drive(5, rnd, none))
+      std::visit([&](const auto& m) { (void)history.add(m); }, message);
+    const EstimatorState& now = history.newest();
+    const Truth truth = truthAt(now.stamp_s);
+    Eigen::Vector3d error;
+    error << now.car.mean.head<2>() - truth.p_m, wrapAngle(now.car.mean(2) - truth.heading_rad);
+    nees += error.dot(now.car.covariance.topLeftCorner<3, 3>().ldlt().solve(error)) / kRuns;
+  }
+  // Chi-square of 150 degrees of freedom over 50, from 2.5 to 97.5 %.
+  EXPECT_GT(nees, 2.36);
+  EXPECT_LT(nees, 3.72);
+}
+
 TEST(FusionHistory, AStepOfOneReceiverMovesTheEstimateByCentimetres) {
   const auto step = [](TimedFix& fix, Random&) {
     if (fix.fix.source == "gps_left" && within(fix, 5, 10)) fix.fix.p_map_m += Eigen::Vector2d(12, -16);
@@ -282,6 +306,29 @@ TEST(FusionHistory, WhenAllAreBadItSaysSoDeadReckonsAndComesBackWithAPair) {
     EXPECT_EQ(r.firstAlarm_s(0), alarm_s);
     EXPECT_LT(r.worst_m(5, 15), 0.01 * kSpeed_mps * 10);
     EXPECT_LT(r.worst_m(16, 20), 0.30);
+  }
+}
+
+TEST(FusionHistory, ReceiversThatLeapTogetherAreNoTwoKeysUntilTheyInsist) {
+  const auto leapUntil = [](double end_s) {
+    return [=](TimedFix& fix, Random&) {
+      if (fix.fix.source == "scan_match" && fix.stamp_s >= 5) return false;
+      if (within(fix, 5, end_s)) fix.fix.p_map_m.x() += 20;
+      return true;
+    };
+  };
+  for (const unsigned seed : {1U, 2U, 3U}) {
+    const Course back = driven(16, seed, leapUntil(13), 0.005);
+    const auto alarm_s = back.firstAlarm_s(0);
+    ASSERT_TRUE(alarm_s);
+    EXPECT_GE(*alarm_s, 5);
+    EXPECT_LT(*alarm_s, 5.3);  // what was confirmed last counts for RecoveryOptions::alone_s
+    EXPECT_LT(back.worst_m(5, 13), 0.01 * kSpeed_mps * 8);
+    EXPECT_LT(back.worst_m(14, 16), 0.30);
+
+    const Course insisting = driven(17, seed, leapUntil(100), 0.005);
+    EXPECT_LT(insisting.worst_m(5, 15), 0.01 * kSpeed_mps * 10);
+    EXPECT_NEAR(insisting.worst_m(16, 17), 20, 0.5);
   }
 }
 

@@ -48,6 +48,14 @@ TEST(Integrity, WhatConfirmingSourcesAreOffWidensTheLevels) {
   EXPECT_NEAR(i.protection.longitudinal_m, 5 * 0.2 + 0.05, 1e-12);
 }
 
+TEST(Integrity, TheWayWithoutASourceWidensTheLevels) {
+  EstimatorState state = heldBy({"gps_left", "scan_match"});
+  state.alone_m = 70;
+  const Integrity i = assessed(state);
+  EXPECT_NEAR(i.protection.lateral_m, 5 * 0.1 + 0.7, 1e-12);
+  EXPECT_NEAR(i.protection.longitudinal_m, 5 * 0.2 + 0.7, 1e-12);
+}
+
 TEST(Integrity, EachStateHasItsCauseWithFigureAndLimit) {
   EXPECT_EQ(assessed(heldBy({"gps_left"})).state, LocalizationState::degraded);
 
