@@ -425,7 +425,8 @@ void Localizer::publish(std::vector<LocalizerOutput>& outputs) {
 
   FaultCounts faults = std::exchange(x_noted, {});
   faults.merge(x_queue.takeFaults(x_stamp_s));
-  for (const std::string& fault : x_history.faults()) ++faults[fault];
+  const std::vector<std::string> motion_faults = x_history.faults();
+  for (const std::string& fault : motion_faults) ++faults[fault];
   for (const std::string& fault : x_window.takeFaults()) ++faults[fault];
 
   std::optional<double> gap_m;
@@ -434,10 +435,13 @@ void Localizer::publish(std::vector<LocalizerOutput>& outputs) {
     if (place->gap_right_m) gap_m = std::min(gap_m.value_or(HUGE_VAL), *place->gap_right_m);
   }
   Integrity integrity = assess(now, gap_m, x_options.estimator, x_options.integrity);
-  if (integrity.state == LocalizationState::ok && x_window.isDegraded()) {
+  const auto degrade = [&](const std::string& cause) {
+    if (integrity.state != LocalizationState::ok) return;
     integrity.state = LocalizationState::degraded;
-    integrity.cause = "a tile of the map near the car is damaged";
-  }
+    integrity.cause = cause;
+  };
+  if (x_window.isDegraded()) degrade("a tile of the map near the car is damaged");
+  if (!motion_faults.empty()) degrade(motion_faults.front());
   const Control& control = x_fusion->newestControl();
   outputs.push_back({x_stamp_s, T, covarianceOf(car), control.speed_mps, control.yaw_rate_rps, x_by_wheels,
                      std::move(faults), std::move(integrity), std::exchange(x_new_decision, std::nullopt),

@@ -1,0 +1,88 @@
+/** \file
+ * Given a lap with a fault, when it is localized, then the state says so at the stated times, and the estimate is where
+ * the car is. tests/golden/alarms/NAME.ini is the fault, NAME.csv what is expected of it. */
+#include <gmock/gmock.h>
+
+#include <algorithm>
+#include <nlohmann/json.hpp>
+#include <sstream>
+
+#include "apps/localize.h"
+#include "eval/trajectory_errors.h"
+
+namespace raceloc::test {
+namespace {
+
+const std::string kExpected = ROOT "/tests/golden/alarms/";
+const std::string kStates[] = {"ok", "degraded", "dead_reckoning", "lost"};
+
+/** The state turns to this one between two instants, and stays so until the next turn begins. */
+struct Turn {
+  double from_s, to_s;
+  std::string state, cause;  ///< the cause contains this
+};
+
+std::vector<std::string> fieldsOf(const std::string& line) {
+  std::vector<std::string> fields(1);
+  for (const char c : line)
+    if (c == ',')
+      fields.emplace_back();
+    else
+      fields.back() += c;
+  return fields;
+}
+
+/** Lines of a CSV, without comments and the first. */
+std::vector<std::vector<std::string>> rowsOf(const std::string& path) {
+  std::istringstream text(readFile(path));
+  std::vector<std::vector<std::string>> rows;
+  for (std::string line; std::getline(text, line);)
+    if (!line.empty() && line.front() != '#') rows.push_back(fieldsOf(line));
+  if (!rows.empty()) rows.erase(rows.begin());
+  return rows;
+}
+
+class Alarm : public ::testing::TestWithParam<const char*> {};
+INSTANTIATE_TEST_SUITE_P(Faults, Alarm,
+                         ::testing::Values("gps_step", "gps_ramp", "gps_noise", "gps_outage", "lidar_off",
+                                           "all_sources", "leap_together", "wheel_lock", "imu_frozen"),
+                         [](const auto& name) { return std::string(name.param); });
+
+TEST_P(Alarm, ComesAndGoesAtTheStatedTimes) {
+  const TemporaryFolder out;
+  const DriveFiles drive("alarms");
+  const std::string name = GetParam();
+  require(runCommand({app("raceloc-sim"), "inject", "--faults", kExpected + name + ".ini", "-i", drive.race(),
+                      "-o", out / "bad.rawlog"}));
+  require(runCommand({app("raceloc-live"), "-c", ini("live.ini"), "-m", drive.map(), "-i", out / "bad.rawlog",
+                      "--trajectory", out / "race.tum", "--integrity", out / "own.csv"}));
+  require(runCommand({app("raceloc-eval"), "--truth", drive.folder + "race_truth.tum", "--estimate",
+                      out / "race.tum", "--json", out / "figures.json"}));
+
+  std::vector<Turn> turns;
+  for (const auto& row : rowsOf(kExpected + name + ".csv")) {
+    ASSERT_EQ(row.size(), 4);
+    turns.push_back({std::stod(row[0]), std::stod(row[1]), row[2], row[3]});
+  }
+  ASSERT_GE(turns.size(), 2);
+  const double start_s = readTrajectoryFile(drive.folder + "race_truth.tum").trajectory.poses.front().stamp_s;
+  std::size_t judged = 0;
+  for (const auto& row : rowsOf(out / "own.csv")) {
+    const double t = std::stod(row.front()) - start_s;
+    const auto next =
+        std::find_if(turns.begin(), turns.end(), [&](const Turn& turn) { return turn.from_s > t; });
+    if (next == turns.begin() || t < std::prev(next)->to_s) continue;
+    const Turn& now = *std::prev(next);
+    ++judged;
+    EXPECT_EQ(kStates[std::stoi(row[1])], now.state) << t << " s: " << row.back();
+    EXPECT_THAT(row.back(), ::testing::HasSubstr(now.cause)) << t << " s";
+  }
+  EXPECT_GT(judged, 800) << "outputs, of 15 s at 100 Hz less the spans in which the state turns";
+
+  const auto figures = nlohmann::json::parse(readFile(out / "figures.json"));
+  // Of 4 s of dead reckoning at up to 27 m/s, 1 % and the error at its begin.
+  EXPECT_LT(figures.at("errors").at("position_plane_m").at("max"), 1.2);
+}
+
+}  // namespace
+}  // namespace raceloc::test
