@@ -6,6 +6,7 @@
 
 #include "cloud/deskew.h"
 #include "core/labels.h"
+#include "sensors/gps_conversion.h"
 
 namespace raceloc {
 
@@ -156,7 +157,9 @@ void Localizer::enter(double stamp_s, PoseFix fix) {
     case Acceptance::taken:
       break;
     case Acceptance::late:
-      ++x_noted[source + ": fixes that came too late"];
+      ++x_noted[source + (weekRollovers(x_stamp_s - stamp_s) > 0
+                              ? ": the week number of its GPS time has rolled over"
+                              : ": fixes that came too late")];
       return;
     case Acceptance::ahead:
       ++x_noted[source + ": fixes ahead of the car's clock"];

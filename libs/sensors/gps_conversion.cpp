@@ -55,4 +55,12 @@ Pose mapFromMap(const GeodeticPoint& to, const GeodeticPoint& from) {
   return earthFromMap(to).inverse() * earthFromMap(from);
 }
 
+int weekRollovers(double behind_s) {
+  constexpr double kDay_s = 86'400, kRollover_s = 1024 * 7 * kDay_s;
+  const double times = std::round(behind_s / kRollover_s);
+  return times >= 1 && times < 100 && std::abs(behind_s - times * kRollover_s) < kDay_s
+             ? static_cast<int>(times)
+             : 0;
+}
+
 }  // namespace raceloc

@@ -1,5 +1,5 @@
 /** \file
- * Geodetic positions (WGS84) and local map frames: x east, y north, z up about an origin. */
+ * Geodetic positions (WGS84) and local map frames: x east, y north, z up about an origin; weeks of GPS time. */
 #pragma once
 
 #include "core/types.h"
@@ -18,5 +18,9 @@ namespace raceloc {
 /** T_to_from between the map frames of two origins: p_to = T_to_from * p_from. Exactly the identity when the
  * origins are equal. */
 [[nodiscard]] Pose mapFromMap(const GeodeticPoint& origin_to, const GeodeticPoint& origin_from);
+
+/** How often the week number of a receiver has rolled over, to 0 after 1023, whose stamps are so long behind; 0 if that is
+ * no such time, to a day. */
+[[nodiscard]] int weekRollovers(double behind_s);
 
 }  // namespace raceloc

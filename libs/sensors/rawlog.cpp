@@ -162,8 +162,10 @@ void requireOneClock(const LogSummary& summary, const LogOptions& options) {
     std::ostringstream line;
     line << "rawlog " << summary.path << ": " << nameOf(device.kind) << " " << device.label << " is stamped "
          << std::fixed << std::setprecision(1) << std::max(before_s, after_s) << " s "
-         << (before_s > 0 ? "before the first" : "after the last")
-         << " scan: its clock is not the LiDAR's; mend its stamps, or leave it out by its labels in section "
+         << (before_s > 0 ? "before the first" : "after the last") << " scan: "
+         << (weekRollovers(before_s) > 0 ? "the week number of its GPS time has rolled over"
+                                         : "its clock is not the LiDAR's")
+         << "; mend its stamps, or leave it out by its labels in section "
             "[log]";
     throw InputError(line.str());
   }

@@ -4,6 +4,7 @@
 #include <mrpt/io/CFileGZInputStream.h>
 #include <mrpt/io/CFileGZOutputStream.h>
 #include <mrpt/maps/registerAllClasses.h>
+#include <mrpt/obs/CObservationGPS.h>
 #include <mrpt/obs/CObservationIMU.h>
 #include <mrpt/obs/CObservationPointCloud.h>
 #include <mrpt/serialization/CArchive.h>
@@ -111,6 +112,16 @@ TEST_P(BadLogOrIni, ImuHasAClockOfItsOwn) {
     expectRefused(command(goodIni(), log),
                   {log, "imu", ahead ? "after the last scan" : "before the first scan"});
   }
+}
+
+TEST_P(BadLogOrIni, GpsWeekHasRolledOver) {
+  const auto log = in / "rollover.rawlog";
+  copyLog(goodLog(), log, [](const auto& object) {
+    if (const auto gps = std::dynamic_pointer_cast<mrpt::obs::CObservationGPS>(object))
+      gps->timestamp -= std::chrono::hours(1024 * 7 * 24);
+    return true;
+  });
+  expectRefused(command(goodIni(), log), {log, "gps", "week number"});
 }
 
 TEST_P(BadLogOrIni, LabelIsNotInTheLog) {

@@ -245,6 +245,18 @@ TEST_F(LocalizerTest, WhatComesLateCountsAsIfItHadBeenInTime) {
   EXPECT_LT((last_late.translation() - truthAt(3.0).translation()).norm(), kMatch_m);
 }
 
+TEST_F(LocalizerTest, AWeekNumberThatRollsOverIsNamed) {
+  const auto outputs = drive([](Sample& sample, Random&) {
+    if (auto* fix = std::get_if<GpsFix>(&sample); fix && fix->stamp_s > 1)
+      fix->stamp_s -= 1024 * 7 * 86'400.0;
+    return true;
+  });
+  EXPECT_LT(worstError_m(outputs), kMatch_m);
+  EXPECT_TRUE(std::any_of(outputs.begin(), outputs.end(), [](const LocalizerOutput& output) {
+    return output.faults.count("gps_a: the week number of its GPS time has rolled over") > 0;
+  }));
+}
+
 TEST_F(LocalizerTest, WhenMatchesFailItLooksForTheCarAroundAFix) {
   const auto outputs = drive([](Sample& sample, Random& rnd) {
     if (auto* scan = std::get_if<Scan>(&sample); scan && scan->stamp_s > 1 && scan->stamp_s < 2.5) {

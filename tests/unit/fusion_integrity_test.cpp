@@ -3,6 +3,7 @@
 #include <gmock/gmock.h>
 
 #include "fusion/integrity.h"
+#include "fusion/recovery.h"
 
 namespace raceloc {
 namespace {
@@ -88,6 +89,44 @@ TEST(Integrity, AnErrorThatMayReachTheWallIsLost) {
   EXPECT_NEAR(i.limit, 0.4, 1e-12);
   EXPECT_EQ(assessed(state, std::nullopt).alert_limit_m, IntegrityOptions{}.alert_limit_m);
   EXPECT_EQ(assessed(state, 0.5).alert_limit_m, 0);
+}
+
+TEST(Separation, IsInSigmasOfWhatClaimsAndTheOptionAllow) {
+  const ReliabilityOptions options;  // 0.5 m are 3 sigmas of sources that claim to be perfect
+  const Eigen::Matrix2d perfect = Eigen::Matrix2d::Zero();
+  EXPECT_NEAR(separation({0.3, -0.4}, perfect, options), 3, 1e-12);
+  Eigen::Matrix2d weak_along_x = perfect;
+  weak_along_x(0, 0) = 100 - 0.25 / 9;  // 10 m, with the option's share
+  EXPECT_NEAR(separation({5, 0}, weak_along_x, options), 0.5, 1e-12);
+  EXPECT_NEAR(separation({0, 0.5}, weak_along_x, options), 3, 1e-12);
+}
+
+TEST(TwoKeys, AreThePairOfFreshSourcesThatAgreesBest) {
+  EstimatorState state = heldBy({"a", "b", "c", "d"});
+  auto& records = state.records;
+  for (std::size_t i = 0; i < records.size(); ++i) records[i].residual_m = {20.0 * static_cast<double>(i), 0};
+  EXPECT_FALSE(twoKeys(records, 10, {}));
+
+  records[3].residual_m = records[1].residual_m + Eigen::Vector2d(0.3, 0);
+  auto keys = twoKeys(records, 10, {});
+  ASSERT_TRUE(keys);
+  EXPECT_EQ(keys->first, 1);
+  EXPECT_EQ(keys->second, 3);
+
+  records[2].residual_m = records[1].residual_m + Eigen::Vector2d(0.2, 0);
+  keys = twoKeys(records, 10, {});  // 2 is nearest to 3
+  ASSERT_TRUE(keys);
+  EXPECT_EQ(keys->first, 2);
+  EXPECT_EQ(keys->second, 3);
+
+  records[2].stamp_s = 9.4;  // silent for longer than fresh_s
+  keys = twoKeys(records, 10, {});
+  ASSERT_TRUE(keys);
+  EXPECT_EQ(keys->first, 1);
+
+  records[1].stamp_s = 9.9;  // and what has run away since is brought to one time
+  records[1].rate_mps = {10, 0};
+  EXPECT_FALSE(twoKeys(records, 10, {}));
 }
 
 }  // namespace
