@@ -10,6 +10,7 @@
 #include "core/errors.h"
 #include "pipeline/integrity_csv.h"
 #include "pipeline/line_stream.h"
+#include "pipeline/sweep_scene.h"
 
 namespace raceloc {
 
@@ -20,7 +21,7 @@ constexpr char kHelp[] = R"(NAME
 
 SYNOPSIS
   raceloc-live -c INI -m MAP.rlmap -i RACE.rawlog [-o ANNOTATED.rawlog] [--trajectory RACE.tum]
-               [--integrity RACE.csv]
+               [--integrity RACE.csv] [--scene SWEEP.3Dscene]
   raceloc-live -c INI -m MAP.rlmap -i RACE.rawlog --speed 1 [--record BLACKBOX.rawlog] ...
   raceloc-live -c INI -m MAP.rlmap --sensors SENSORS.ini [--record BLACKBOX.rawlog] ...
   raceloc-live -c INI --odometry-only -i RACE.rawlog --trajectory ODOMETRY.tum
@@ -34,6 +35,10 @@ DESCRIPTION
   and verdicts.
   --integrity writes a line an estimate: its state, protection levels and covariance, for
   tests/bench/consistency.py.
+  At each sweep the walls beside the car are looked for in the sweep alone, and a guard says whether to drive the planned
+  path or one along a wall: because nothing can be believed, or because the car comes too close. Walls, guard and path
+  are in the annotated log and in the stream; --scene writes the first sweep in which the guard took over, or else the
+  last one, for SceneViewer3D: scan, what stands on the ground by clusters, walls, path.
   A GPS fix with a heading says where to look for the car, and a scan match there starts the filter.
   A map of another place, or not of the content hash that --map-hash demands (raceloc-map check prints it), is
   refused; a damaged tile of the right one is left out and named.
@@ -49,6 +54,7 @@ DESCRIPTION
 EXAMPLES
   raceloc-live -c ini/live.ini -m monza.rlmap -i race.rawlog -o out.rawlog --trajectory race.tum
   raceloc-live -c ini/live.ini -m monza.rlmap -i race.rawlog --disable 'gps_*' --trajectory lidar_only.tum
+  raceloc-live -c ini/live.ini -m monza.rlmap -i race.rawlog --disable 'gps_*' --scene walls.3Dscene
   raceloc-live -c ini/live.ini --odometry-only -i race.rawlog --trajectory odometry.tum
   raceloc-live -c car.ini -m monza.rlmap --sensors sensors.ini --record run1.rawlog
   raceloc-live --print-ini > my_live.ini     every key with its meaning, range and default
@@ -93,6 +99,12 @@ void print(const ReplayReport& r) {
       "state            ok %zu, degraded %zu, dead reckoning %zu, lost %zu outputs; %zu resets by two "
       "sources, %zu searches\n",
       r.state_counts[0], r.state_counts[1], r.state_counts[2], r.state_counts[3], r.resets, r.searches);
+  std::printf(
+      "walls            left seen in %zu, right in %zu sweeps; guard: localized %zu, wall following %zu, "
+      "emergency %zu, "
+      "no wall %zu sweeps\n",
+      r.walls_left, r.walls_right, r.guard_counts[0], r.guard_counts[1], r.guard_counts[2],
+      r.guard_counts[3]);
   for (const auto& [cause, times] : r.causes)
     std::printf("NOT OK           %zu outputs: %s\n", times, cause.c_str());
   std::printf("scan to pose     %.1f ms median, %.1f ms p99\n", 1e3 * r.match_median_s, 1e3 * r.match_p99_s);
@@ -138,6 +150,29 @@ void printFalseRejects(const EstimatorOptions& options) {
               options.reliability.confirm_false_alarm);
 }
 
+/** The sweep of --scene: the first in which the guard took over, or else the last. */
+class SceneToKeep {
+ public:
+  explicit SceneToKeep(const std::string& path) : x_file(path) {}
+  void see(const LocalizerOutput& output) {
+    if (x_is_final || !output.scan_match || !output.walls) return;
+    x_output = output;
+    x_is_final = output.walls->guard.state != GuardState::localized;
+  }
+  /** \return whether there was one */
+  [[nodiscard]] bool write() {
+    if (!x_output) return false;
+    if (!sweepScene(*x_output)->saveToFile(x_file.temporaryPath())) throw cannotWrite(x_file.path());
+    x_file.commit();
+    return true;
+  }
+
+ private:
+  OutputFile x_file;
+  std::optional<LocalizerOutput> x_output;
+  bool x_is_final = false;
+};
+
 /** Runs `play(goOn)` with a line of progress, until it ends or somebody wants no more of it. */
 template <class Play>
 auto played(const char* what, const Play& play) {
@@ -160,17 +195,20 @@ void requireConsistent(const LiveArgs& args) {
     throw InputError("--speed is for a log (-i), and must be > 0 .. 1000 times the pace of its stamps");
   if (!args.record_path.empty() && !is_live)
     throw InputError("--record is for --sensors or --speed: the log that is played is recorded already");
-  requireApart({args.ini_path, args.map_path, args.rawlog_path, args.sensors_path},
-               {args.output_path, args.trajectory_path, args.integrity_path, args.record_path});
+  requireApart(
+      {args.ini_path, args.map_path, args.rawlog_path, args.sensors_path},
+      {args.output_path, args.trajectory_path, args.integrity_path, args.record_path, args.scene_path});
   if (!args.odometry_only) {
     if (args.map_path.empty())
       throw InputError("no map given: -m MAP.rlmap, or --odometry-only (see --help)");
     return;
   }
   if (is_live) throw InputError("--odometry-only plays a log (-i) as fast as it goes");
-  if (!args.map_path.empty() || !args.output_path.empty() || !args.integrity_path.empty())
+  if (!args.map_path.empty() || !args.output_path.empty() || !args.integrity_path.empty() ||
+      !args.scene_path.empty())
     throw InputError(
-        "--odometry-only takes no map (-m) and writes neither annotated log (-o) nor --integrity");
+        "--odometry-only takes no map (-m) and writes neither annotated log (-o) nor --integrity nor "
+        "--scene");
   if (args.trajectory_path.empty())
     throw InputError("--odometry-only needs --trajectory ODOMETRY.tum (see --help)");
 }
@@ -195,6 +233,8 @@ std::optional<LiveArgs> parseLiveArgs(int argc, char** argv) {
   TCLAP::ValueArg<std::string> integrity("", "integrity",
                                          "state, protection levels and covariance of each estimate to write",
                                          false, "", "RACE.csv", cmd);
+  TCLAP::ValueArg<std::string> scene("", "scene", "sweep with its walls to write, for SceneViewer3D", false,
+                                     "", "SWEEP.3Dscene", cmd);
   TCLAP::ValueArg<std::string> disable("", "disable", "switch off the sources of these labels, e.g. 'gps_*'",
                                        false, "", "LABELS", cmd);
   TCLAP::ValueArg<double> after("", "disable-after", "but hear them for this long first [s]", false, 1.0,
@@ -216,6 +256,7 @@ std::optional<LiveArgs> parseLiveArgs(int argc, char** argv) {
   args.trajectory_path = trajectory.getValue();
   args.integrity_path = integrity.getValue();
   args.record_path = record.getValue();
+  args.scene_path = scene.getValue();
   args.odometry_only = odometry_only.getValue();
   args.verbose = verbose.getValue();
   args.print_ini = print_ini.getValue();
@@ -255,14 +296,18 @@ void runLive(const LiveArgs& args) {
   std::vector<std::string> kept;
   std::optional<IntegrityCsv> integrity;
   if (!args.integrity_path.empty()) integrity.emplace(args.integrity_path);
+  std::optional<SceneToKeep> scene;
+  if (!args.scene_path.empty()) scene.emplace(args.scene_path);
   const Listener write = [&](const LocalizerOutput& output) {
     if (integrity) integrity->write(output);
+    if (scene) scene->see(output);
   };
   const auto finish = [&](const auto& report) {
     if (integrity) {
       integrity->commit();
       kept.push_back(args.integrity_path);
     }
+    if (scene && scene->write()) kept.push_back(args.scene_path);
     if (!args.trajectory_path.empty() && !report.trajectory.poses.empty()) {
       writeTum(args.trajectory_path, report.trajectory);
       kept.push_back(args.trajectory_path);

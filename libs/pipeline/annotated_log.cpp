@@ -3,17 +3,10 @@
 #include <mrpt/obs/CObservation3DScene.h>
 #include <mrpt/obs/CObservationOdometry.h>
 #include <mrpt/obs/CObservationRawDAQ.h>
-#include <mrpt/opengl/CBox.h>
-#include <mrpt/opengl/CEllipsoid2D.h>
-#include <mrpt/opengl/COpenGLScene.h>
-#include <mrpt/opengl/CPointCloud.h>
-#include <mrpt/opengl/CText3D.h>
-#include <mrpt/opengl/stock_objects.h>
 
-#include <algorithm>
-#include <cstdio>
 #include <utility>
 
+#include "pipeline/sweep_scene.h"
 #include "sensors/mrpt_stamp.h"
 #include "sensors/pose_conversion.h"
 
@@ -28,16 +21,11 @@ std::string headerText(const std::vector<std::string>& sources) {
     text += "source_" + std::to_string(i) + " = " + sources[i] + "\n";
   text +=
       "[integrity]\ncolumns = state (0 ok, 1 degraded, 2 dead reckoning, 3 lost) measured limit"
-      " lateral_m longitudinal_m heading_rad alert_limit_m\n";
+      " lateral_m longitudinal_m heading_rad alert_limit_m\n"
+      "[guard]\ncolumns = state (0 localized, 1 wall following, 2 emergency, 3 no wall) wheel_to_wall_m"
+      " time_to_wall_s, then of the left and of the right wall distance_m distance_sigma_m heading_rad "
+      "length_m age_s\n";
   return text;
-}
-
-const SourceVerdict* verdictOn(const LocalizerOutput& output, const std::string& source) {
-  if (!output.decision) return nullptr;
-  const auto& verdicts = output.decision->decision.sources;
-  const auto found = std::find_if(verdicts.begin(), verdicts.end(),
-                                  [&](const SourceVerdict& v) { return v.source == source; });
-  return found == verdicts.end() ? nullptr : &*found;
 }
 
 mrpt::obs::CObservationRawDAQ gateNumbers(const LocalizerOutput& output,
@@ -73,66 +61,25 @@ mrpt::obs::CObservationRawDAQ integrityNumbers(const LocalizerOutput& output) {
   return daq;
 }
 
-/** "gps_left REJECTED 8.3 > 5.0". */
-std::string verdictText(const SourceVerdict& v) {
-  char text[160];
-  if (v.accepted)
-    std::snprintf(text, sizeof text, "%s ok %.2f, weight %.2f", v.source.c_str(), v.delta, v.weight);
-  else
-    std::snprintf(text, sizeof text, "%s %s %.1f > %.1f", v.source.c_str(),
-                  v.left ? "LEFT THE OTHERS" : "REJECTED", v.delta, v.limit);
-  return text;
-}
+constexpr double kNone = -1e9;  // of a quantity that may have any sign
 
-/** At the end of the sweep. Axes as in the map, origin at the car: viewers look at the origin, and there the car stays.
- */
-mrpt::obs::CObservation3DScene scene(const LocalizerOutput& output) {
-  using namespace mrpt::opengl;
-  const ScanMatch& m = *output.scan_match;
-  const Eigen::Translation3d to_car(-m.T_map_body.translation());
-  mrpt::obs::CObservation3DScene observation;
-  observation.timestamp = toMrptStamp(m.stamp_s);
-  observation.scene = COpenGLScene::Create();
-  const mrpt::poses::CPose3D T_scene_body = toMrpt(to_car * m.T_map_body);
-
-  auto car = CBox::Create(mrpt::math::TPoint3D(-1, -0.9, 0), mrpt::math::TPoint3D(3.8, 0.9, 1.2));
-  car->setPose(T_scene_body);
-  car->setColor_u8(mrpt::img::TColor(40, 120, 220, 180));
-  observation.scene->insert(car);
-  auto axes = stock_objects::CornerXYZSimple(3, 2);
-  axes->setPose(T_scene_body);
-  observation.scene->insert(axes);
-
-  auto cloud = CPointCloud::Create();
-  cloud->setAllPoints(m.scan_body.x, m.scan_body.y, m.scan_body.z);
-  cloud->setPointSize(2);
-  cloud->setPose(toMrpt(to_car * (m.trusted ? m.match.T_target_source : m.T_map_body)));
-  cloud->setGradientColors({0.2F, 0.5F, 1.0F}, {1.0F, 0.9F, 0.2F});
-  cloud->enableColorFromZ();
-  observation.scene->insert(cloud);
-
-  double line_m = 4.0;
-  if (!output.decision) return observation;
-  for (const auto& fix : output.decision->fixes) {
-    const SourceVerdict* verdict = verdictOn(output, fix.source);
-    const bool accepted = verdict && verdict->accepted;
-    const mrpt::img::TColor color =
-        accepted ? mrpt::img::TColor(40, 170, 60) : mrpt::img::TColor(220, 40, 40);
-    auto ellipse = CEllipsoid2D::Create();
-    ellipse->setCovMatrix(mrpt::math::CMatrixDouble22(fix.cov_p_m2));
-    ellipse->setQuantiles(3.0F);
-    const Eigen::Vector2d p_m = fix.p_map_m - m.T_map_body.translation().head<2>();
-    ellipse->setLocation(p_m.x(), p_m.y(), 0);
-    ellipse->setColor_u8(color);
-    observation.scene->insert(ellipse);
-    if (!verdict) continue;
-    auto text = CText3D::Create(verdictText(*verdict), "sans", 0.8);
-    text->setPose(mrpt::poses::CPose3D(0, 0, line_m, 0, 0, M_PI / 2));
-    text->setColor_u8(color);
-    observation.scene->insert(text);
-    line_m += 1.2;
-  }
-  return observation;
+mrpt::obs::CObservationRawDAQ guardNumbers(const WallReport& report) {
+  const WallScan& walls = report.walls;
+  const GuardOutput& guard = report.guard;
+  mrpt::obs::CObservationRawDAQ daq;
+  daq.sensorLabel = "guard";
+  daq.timestamp = toMrptStamp(walls.stamp_s);
+  daq.AIN_double = {static_cast<double>(guard.state), guard.clearance.side ? guard.clearance.wheel_m : kNone,
+                    guard.clearance.time_to_wall_s.value_or(kNone)};
+  for (const auto* wall : {&walls.left, &walls.right})
+    if (*wall)
+      daq.AIN_double.insert(daq.AIN_double.end(),
+                            {(*wall)->distance_m(), (*wall)->distanceSigma_m(), (*wall)->heading_rad(),
+                             (*wall)->length_m, (*wall)->age_s});
+    else
+      daq.AIN_double.insert(daq.AIN_double.end(), 5, kNone);
+  daq.AIN_channel_count = static_cast<std::uint16_t>(daq.AIN_double.size());
+  return daq;
 }
 
 }  // namespace
@@ -158,7 +105,12 @@ void AnnotatedLog::write(const LocalizerOutput& output) {
   x_writer.writePose(output.stamp_s, "estimate_pose", output.T_map_body, output.covariance);
   x_writer.write(integrityNumbers(output));
   if (output.decision) x_writer.write(gateNumbers(output, x_sources));
-  if (output.scan_match) x_writer.write(scene(output));
+  if (output.walls) x_writer.write(guardNumbers(*output.walls));
+  if (!output.scan_match) return;
+  mrpt::obs::CObservation3DScene scene;
+  scene.timestamp = toMrptStamp(output.scan_match->stamp_s);
+  scene.scene = sweepScene(output);
+  x_writer.write(scene);
 }
 
 }  // namespace raceloc

@@ -18,7 +18,11 @@ namespace raceloc {
  *    and its limit, protection levels lateral [m], longitudinal [m], heading [rad], alert limit [m];
  *  - `gate`, CObservationRawDAQ, AIN_double, at each decision: rule (1..4), alarm, then for each source five values:
  *    Delta, limit, p(Theta|x), weight, accepted; -1 where a source had no say. The order of sources is in the header;
- *  - (no label), CObservation3DScene at each sweep: car, scan, sources with 3-sigma ellipses, verdicts as text. */
+ *  - `guard`, CObservationRawDAQ, AIN_double, at each sweep: state (0 localized, 1 wall following, 2 emergency, 3 no wall),
+ *    wheel to wall [m], time to wall [s], then of the left and of the right wall distance [m], its sigma [m], heading
+ *    [rad], length [m], age [s]; -1e9 for what there is none of;
+ *  - (no label), CObservation3DScene at each sweep: car, scan, sources with 3-sigma ellipses, walls, the path along one,
+ *    verdicts and guard as text. */
 class AnnotatedLog {
  public:
   /** \param sources  labels that may appear in decisions, in the order of the columns

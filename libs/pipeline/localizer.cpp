@@ -52,6 +52,14 @@ constexpr double kLongestLesson_s = 1;
 
 }  // namespace
 
+const SourceVerdict* verdictOn(const LocalizerOutput& output, const std::string& source) {
+  if (!output.decision) return nullptr;
+  const auto& verdicts = output.decision->decision.sources;
+  const auto found = std::find_if(verdicts.begin(), verdicts.end(),
+                                  [&](const SourceVerdict& v) { return v.source == source; });
+  return found == verdicts.end() ? nullptr : &*found;
+}
+
 void LocalizerPolicy::describe(OptionList& keys) {
   keys.add("map_radius_m", map_radius_m, above(0), "tiles within this distance of the car are held [m]");
   keys.add("output_period_s", output_period_s, above(0),
@@ -84,6 +92,8 @@ Localizer::Localizer(gpu::Context& context, const MapFile& map, const LocalizerO
       x_options(options),
       x_surface(map.content(), options.surface),
       x_window(context, map, options.matching.registration.voxel_size_m, options.policy.map_radius_m),
+      x_walls(context, options.wall),
+      x_guard(options.guard, options.wall_path),
       x_trial_engine(static_cast<unsigned>(options.trial.noise_seed)) {
   (void)Estimator(options.estimator);  // options that contradict each other are refused before the first fix
 }
@@ -115,12 +125,14 @@ std::vector<LocalizerOutput> Localizer::finish() {
 }
 
 void Localizer::process(const Sweep& sweep) {
-  if (!started())
+  if (!started()) {
     tryStart(sweep);
-  else if (sweep.end_s > x_start->stamp_s && sweep.end_s > x_stamp_s - x_options.history.lag_s)
-    matchSweep(sweep);
-  else
+  } else if (sweep.end_s > x_start->stamp_s && sweep.end_s > x_stamp_s - x_options.history.lag_s) {
+    matchSweep(sweep, prepared(sweep, &x_whole_scan));
+    watchWalls(sweep, x_whole_scan);
+  } else {
     ++x_passed_over;
+  }
 }
 
 void Localizer::take(const ImuSample& sample) { x_history.add(sample); }
@@ -321,17 +333,16 @@ Pose Localizer::poseAt(double stamp_s, const CarState& car) const {
   return withPlanar(T, car.mean(0), car.mean(1), car.mean(2));
 }
 
-CovarianceCloud Localizer::prepared(const Sweep& sweep) {
+CovarianceCloud Localizer::prepared(const Sweep& sweep, Cloud* whole) {
   const auto poses = x_history.sweep(sweep.begin_s, sweep.end_s);
   Vector6d last = Vector6d::Zero();
   last(2) = x_last_rates.yaw_rate_rps;
   last(3) = x_last_rates.speed_mps;
-  return x_preparer.prepare(sweep, poses ? *poses : steadySweep(last, sweep.end_s - sweep.begin_s));
+  return x_preparer.prepare(sweep, poses ? *poses : steadySweep(last, sweep.end_s - sweep.begin_s), whole);
 }
 
-void Localizer::matchSweep(const Sweep& sweep) {
+void Localizer::matchSweep(const Sweep& sweep, const CovarianceCloud& source) {
   const double end_s = sweep.end_s;
-  const CovarianceCloud source = prepared(sweep);
   const GicpOptions& gicp = x_options.matching.registration;
   const Pose T_guess = poseAt(end_s, x_fusion->at(end_s).car);
   std::optional<Registration> match;
@@ -365,6 +376,23 @@ void Localizer::matchSweep(const Sweep& sweep) {
     }
   }
   x_new_match = ScanMatch{end_s, poseAt(end_s, x_fusion->at(end_s).car), *match, trusted, source.cloud};
+}
+
+void Localizer::watchWalls(const Sweep& sweep, const Cloud& scan_body) {
+  constexpr double kStanding_mps = 0.5;
+  const double end_s = sweep.end_s;
+  if (x_walls_s && !(end_s > *x_walls_s)) return;  // it came late: the walls are younger
+  const Pose T_last_now = x_walls_s ? motionBetween(*x_walls_s, end_s) : Pose::Identity();
+  x_walls_s = end_s;
+  const WallScan walls = x_walls.detect(scan_body, end_s, T_last_now);
+  const EstimatorState now = x_fusion->at(end_s);
+  const LocalizationState state = integrityOf(now, poseAt(end_s, now.car)).state;
+  const bool is_localized = state == LocalizationState::ok || state == LocalizationState::degraded;
+  const double speed_mps = std::max(0.0, x_last_rates.speed_mps);
+  const double curvature_per_m = speed_mps > kStanding_mps ? x_last_rates.yaw_rate_rps / speed_mps : 0;
+  x_new_walls =
+      WallReport{walls, x_guard.update({end_s, is_localized, walls, {}, speed_mps, curvature_per_m}),
+                 x_walls.cells(), x_walls.clusters()};
 }
 
 void Localizer::teach(const KnownPose& from, const KnownPose& to) {
@@ -419,6 +447,16 @@ Matrix6d Localizer::covarianceOf(const CarState& car) const {
   return covariance;
 }
 
+Integrity Localizer::integrityOf(const EstimatorState& state, const Pose& T_map_body) const {
+  std::optional<double> gap_m;
+  if (const auto place =
+          x_surface.at(state.car.mean.head<2>(), state.car.mean(2), T_map_body.translation().z())) {
+    if (place->gap_left_m) gap_m = place->gap_left_m;
+    if (place->gap_right_m) gap_m = std::min(gap_m.value_or(HUGE_VAL), *place->gap_right_m);
+  }
+  return assess(state, gap_m, x_options.estimator, x_options.integrity);
+}
+
 void Localizer::publish(std::vector<LocalizerOutput>& outputs) {
   if (!started() || !(x_stamp_s > x_published_s)) return;
   x_published_s = x_stamp_s;
@@ -432,12 +470,7 @@ void Localizer::publish(std::vector<LocalizerOutput>& outputs) {
   for (const std::string& fault : motion_faults) ++faults[fault];
   for (const std::string& fault : x_window.takeFaults()) ++faults[fault];
 
-  std::optional<double> gap_m;
-  if (const auto place = x_surface.at(car.mean.head<2>(), car.mean(2), T.translation().z())) {
-    if (place->gap_left_m) gap_m = place->gap_left_m;
-    if (place->gap_right_m) gap_m = std::min(gap_m.value_or(HUGE_VAL), *place->gap_right_m);
-  }
-  Integrity integrity = assess(now, gap_m, x_options.estimator, x_options.integrity);
+  Integrity integrity = integrityOf(now, T);
   const auto degrade = [&](const std::string& cause) {
     if (integrity.state != LocalizationState::ok) return;
     integrity.state = LocalizationState::degraded;
@@ -448,7 +481,7 @@ void Localizer::publish(std::vector<LocalizerOutput>& outputs) {
   const Control& control = x_fusion->newestControl();
   outputs.push_back({x_stamp_s, T, covarianceOf(car), control.speed_mps, control.yaw_rate_rps, x_by_wheels,
                      std::move(faults), std::move(integrity), std::exchange(x_new_decision, std::nullopt),
-                     std::exchange(x_new_match, std::nullopt)});
+                     std::exchange(x_new_match, std::nullopt), std::exchange(x_new_walls, std::nullopt)});
 }
 
 }  // namespace raceloc

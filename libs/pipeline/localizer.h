@@ -18,6 +18,8 @@
 #include "pipeline/matching_options.h"
 #include "pipeline/track_surface.h"
 #include "registration/search.h"
+#include "wall/guard.h"
+#include "wall/wall_detector.h"
 
 namespace raceloc {
 
@@ -55,6 +57,9 @@ struct LocalizerOptions {
   LocalizerPolicy policy;
   SearchOptions search;
   TrialOptions trial;
+  WallOptions wall;
+  WallPathOptions wall_path;
+  GuardOptions guard;
 };
 
 /** How the filter came by its first pose. */
@@ -74,6 +79,14 @@ struct ScanMatch {
   Cloud scan_body;  ///< de-skewed, thinned: for pictures
 };
 
+/** What stands beside the car at the end of a sweep, and who should steer. */
+struct WallReport {
+  WallScan walls;
+  GuardOutput guard;
+  gpu::StandingCells cells;            ///< what is not ground, body frame
+  std::vector<std::int32_t> clusters;  ///< one of each cell
+};
+
 /** The estimate at one instant, and why it is what it is. */
 struct LocalizerOutput {
   double stamp_s;
@@ -86,7 +99,11 @@ struct LocalizerOutput {
   Integrity integrity;
   std::optional<DatedDecision> decision;  ///< the newest since the last output
   std::optional<ScanMatch> scan_match;    ///< likewise
+  std::optional<WallReport> walls;        ///< likewise
 };
+
+/** What the newest decision of an output says of a source; null if it had no say. */
+[[nodiscard]] const SourceVerdict* verdictOn(const LocalizerOutput& output, const std::string& source);
 
 /** Localization on a map. Samples come in the order of their arrival; outputs are in order of time.
  *
@@ -98,7 +115,8 @@ struct LocalizerOutput {
  * start the filter alone. Before that there is no output. After search_after matches in a row that are not trusted, the
  * car is looked for around the newest fix of a receiver in the same way; what is found counts like any match.
  * Attitude and height are those of the last believed match, moved on by the gyro; after kMatchMemory_s those of the
- * map's road. Source: reading.md sections 1, 2 and 6. */
+ * map's road. At each sweep the walls beside the car are looked for in the sweep alone, and the guard says whether to
+ * drive along one. Source: reading.md sections 1, 2, 6 and 7. */
 class Localizer {
  public:
   /** Keeps references to context and map. \throws InputError if the gate's options contradict each other. */
@@ -146,7 +164,9 @@ class Localizer {
   /** Looks for the car around the fix of considerStart(). */
   void tryStart(const Sweep& sweep);
   void start(double stamp_s, const Pose& T_map_body, StartReport report);
-  void matchSweep(const Sweep& sweep);
+  void matchSweep(const Sweep& sweep, const CovarianceCloud& source);
+  /** \param scan_body  whole, de-skewed, at the sweep's end */
+  void watchWalls(const Sweep& sweep, const Cloud& scan_body);
   /** A fix goes into the history; what becomes of it is noted. */
   void enter(double stamp_s, PoseFix fix);
   [[nodiscard]] Eigen::Vector2d trialNoise(const std::string& source, double stamp_s);
@@ -165,7 +185,9 @@ class Localizer {
   void moveTo(double stamp_s);
   /** The estimate with an attitude and height as last known, at an instant of the history. */
   [[nodiscard]] Pose poseAt(double stamp_s, const CarState& car) const;
-  [[nodiscard]] CovarianceCloud prepared(const Sweep& sweep);
+  /** \param whole  takes the sweep before it was thinned; may be null */
+  [[nodiscard]] CovarianceCloud prepared(const Sweep& sweep, Cloud* whole = nullptr);
+  [[nodiscard]] Integrity integrityOf(const EstimatorState& state, const Pose& T_map_body) const;
   void process(const Sweep& sweep);
   void publish(std::vector<LocalizerOutput>& outputs);
 
@@ -183,6 +205,7 @@ class Localizer {
   std::optional<KnownPose> x_last_lesson;  ///< of teachByEstimate()
   std::optional<ScanMatch> x_new_match;
   std::optional<DatedDecision> x_new_decision;
+  std::optional<WallReport> x_new_walls;
   MotionHistory x_history;
   gpu::Context& x_context;
   double x_stamp_s = 0;      ///< of the newest control
@@ -196,6 +219,10 @@ class Localizer {
   LocalizerOptions x_options;
   TrackSurface x_surface;
   TileWindow x_window;
+  WallDetector x_walls;
+  Guard x_guard;
+  Cloud x_whole_scan;
+  std::optional<double> x_walls_s;  ///< when they were last looked for
   FaultCounts x_noted;
   std::mt19937 x_trial_engine;
   std::optional<double> x_height_above_road_m;  ///< of the rear axle

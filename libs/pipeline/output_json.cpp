@@ -35,6 +35,53 @@ Json verdictJson(const SourceVerdict& v) {
 
 Json orNull(const std::optional<double>& value) { return value ? Json(*value) : Json(nullptr); }
 
+const char* nameOf(Side side) { return side == Side::left ? "left" : "right"; }
+
+const char* nameOf(ScanVerdict verdict) {
+  switch (verdict) {
+    case ScanVerdict::good:
+      return "good";
+    case ScanVerdict::no_points:
+      return "no_points";
+    case ScanVerdict::ground_not_below:
+      return "ground_not_below";
+  }
+  return "no_points";
+}
+
+Json wallJson(const std::optional<Wall>& wall) {
+  if (!wall) return nullptr;
+  return {{"distance_m", wall->distance_m()},   {"distance_sigma_m", wall->distanceSigma_m()},
+          {"heading_rad", wall->heading_rad()}, {"beta", {wall->beta[0], wall->beta[1], wall->beta[2]}},
+          {"from_x_m", wall->from_x_m},         {"to_x_m", wall->to_x_m},
+          {"length_m", wall->length_m},         {"residual_m", wall->residual_m},
+          {"height_m", wall->height_m},         {"age_s", wall->age_s}};
+}
+
+Json pathJson(const std::optional<WallPath>& path) {
+  if (!path) return nullptr;
+  Json points = Json::array();
+  for (const PathPoint& p : path->points) points.push_back({p.x_m, p.y_m, p.heading_rad, p.curvature_per_m});
+  return {{"side", nameOf(path->side)},   {"gap_m", path->gap_m},       {"valid_m", path->valid_m},
+          {"settled_m", path->settled_m}, {"drivable", path->drivable}, {"points", std::move(points)}};
+}
+
+Json wallsJson(const std::optional<WallReport>& report) {
+  if (!report) return nullptr;
+  const WallScan& walls = report->walls;
+  const GuardOutput& guard = report->guard;
+  const Clearance& clearance = guard.clearance;
+  return {{"stamp_s", walls.stamp_s},
+          {"scan", nameOf(walls.verdict)},
+          {"left", wallJson(walls.left)},
+          {"right", wallJson(walls.right)},
+          {"guard", nameOf(guard.state)},
+          {"nearest", clearance.side ? Json(nameOf(*clearance.side)) : Json(nullptr)},
+          {"wheel_to_wall_m", clearance.side ? Json(clearance.wheel_m) : Json(nullptr)},
+          {"time_to_wall_s", orNull(clearance.time_to_wall_s)},
+          {"path", pathJson(guard.path)}};
+}
+
 }  // namespace
 
 std::string outputJson(const LocalizerOutput& output, const OutputContext& context) {
@@ -63,7 +110,8 @@ std::string outputJson(const LocalizerOutput& output, const OutputContext& conte
                   {"rule", decision ? static_cast<int>(decision->rule) : 0},
                   {"alarm", decision && decision->alarm},
                   {"reset", decision && decision->reset},
-                  {"sources", std::move(verdicts)}};
+                  {"sources", std::move(verdicts)},
+                  {"walls", wallsJson(output.walls)}};
   // A label may be anything: what is no UTF-8 is replaced rather than fatal.
   return line.dump(-1, ' ', false, Json::error_handler_t::replace);
 }

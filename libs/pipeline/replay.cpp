@@ -53,6 +53,9 @@ ReplayOptions ReplayOptions::fromIni(const std::string& path) {
   ini.load("track_surface", localizer.surface);
   ini.load("localizer", localizer.policy);
   ini.load("search", localizer.search);
+  ini.load("wall", localizer.wall);
+  ini.load("wall_path", localizer.wall_path);
+  ini.load("guard", localizer.guard);
   ini.load("trial", localizer.trial);
   ini.load("live", options.live);
   ini.rejectUnknownSections();
@@ -68,8 +71,9 @@ std::string ReplayOptions::iniText() const {
         raceloc::iniText("recovery", estimator.recovery), raceloc::iniText("history", localizer.history),
         raceloc::iniText("integrity", localizer.integrity),
         raceloc::iniText("track_surface", localizer.surface), raceloc::iniText("localizer", localizer.policy),
-        raceloc::iniText("search", localizer.search), raceloc::iniText("trial", localizer.trial),
-        raceloc::iniText("live", live)})
+        raceloc::iniText("search", localizer.search), raceloc::iniText("wall", localizer.wall),
+        raceloc::iniText("wall_path", localizer.wall_path), raceloc::iniText("guard", localizer.guard),
+        raceloc::iniText("trial", localizer.trial), raceloc::iniText("live", live)})
     text += "\n" + section;
   return text;
 }
@@ -111,6 +115,7 @@ class Tally {
     if (!output.integrity.cause.empty()) ++x_report.causes[output.integrity.cause];
     if (!output.by_wheels) ++x_report.without_wheels;
     for (const auto& [fault, times] : output.faults) x_report.faults[fault] += times;
+    if (output.walls) add(*output.walls);
     if (!output.scan_match) return;
     ++x_report.scans;
     if (!output.scan_match->trusted) return;
@@ -129,6 +134,15 @@ class Tally {
   }
 
  private:
+  void add(const WallReport& report) {
+    const auto isSeen = [](const std::optional<Wall>& wall) { return wall && wall->age_s == 0; };
+    ++x_report.guard_counts[static_cast<int>(report.guard.state)];
+    if (isSeen(report.walls.left)) ++x_report.walls_left;
+    if (isSeen(report.walls.right)) ++x_report.walls_right;
+    if (report.walls.verdict == ScanVerdict::ground_not_below)
+      ++x_report.faults["LiDAR: the ground is not below it, its place on the car is not what the log says"];
+  }
+
   ReplayReport& x_report;
   std::vector<double> x_residuals_m, x_shares, x_iterations, x_times_s;
 };

@@ -43,6 +43,8 @@ struct ReplayReport {
       tile_loads, without_wheels, passed_over;
   std::size_t rule_counts[5];                 ///< decisions by GateRule; [0] is unused
   std::size_t state_counts[4];                ///< outputs by LocalizationState
+  std::size_t guard_counts[4];                ///< sweeps by GuardState
+  std::size_t walls_left, walls_right;        ///< sweeps in which one was seen
   std::map<std::string, std::size_t> causes;  ///< outputs that were not ok, by cause
   FaultCounts faults;  ///< outputs that did without a source; scans that were passed over
   double match_residual_m, match_inlier_share, match_iterations;  ///< medians over the trusted matches

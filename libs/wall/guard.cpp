@@ -9,6 +9,20 @@
 
 namespace raceloc {
 
+const char* nameOf(GuardState state) {
+  switch (state) {
+    case GuardState::localized:
+      return "localized";
+    case GuardState::wall_following:
+      return "wall_following";
+    case GuardState::emergency:
+      return "emergency";
+    case GuardState::no_wall:
+      return "no_wall";
+  }
+  return "no_wall";
+}
+
 void GuardOptions::describe(OptionList& keys) {
   keys.add("side", side, {{"left", Side::left}, {"right", Side::right}},
            "of the wall that is followed when both are there");

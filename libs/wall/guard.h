@@ -16,6 +16,8 @@ enum class GuardState {
   no_wall          ///< not localized, and no wall either: nothing here can say where to go
 };
 
+[[nodiscard]] const char* nameOf(GuardState state);
+
 /** Section [guard]. */
 struct GuardOptions {
   Side side = Side::right;

@@ -80,7 +80,7 @@ TEST(SyntheticDrive, AnnotatedLogOpensInMrpt) {
   (void)localize(kDrive, kDrive.race(), out);
   const auto info = runCommand({"rawlog-edit", "--info", "-i", out / "out.rawlog"});
   EXPECT_EQ(info.exit_code, 0) << info.err;
-  for (const std::string label : {"lidar_top", "gps_oxts", "vehicle", "estimate_pose", "gate"})
+  for (const std::string label : {"lidar_top", "gps_oxts", "vehicle", "estimate_pose", "gate", "guard"})
     EXPECT_THAT(info.out, HasSubstr(label + " /"));
 }
 

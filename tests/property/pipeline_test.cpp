@@ -44,10 +44,11 @@ class LocalizerTest : public ::testing::Test {
   }
   void TearDown() override { std::filesystem::remove(path_); }
 
-  std::vector<LocalizerOutput> drive(const Fault& fault, unsigned seed = 1) {
+  std::vector<LocalizerOutput> drive(const Fault& fault, unsigned seed = 1, const TrialOptions& trial = {}) {
     Random rnd(seed);
     const MapFile map(path_);
     LocalizerOptions options;
+    options.trial = trial;
     options.matching.crop = {0, 80, 0, 0, 0};
     Localizer localizer(context_, map, options);
     std::vector<LocalizerOutput> outputs;
@@ -243,6 +244,42 @@ TEST_F(LocalizerTest, WhatComesLateCountsAsIfItHadBeenInTime) {
   // The last 0.3 s of fixes, of 0.1 m each beside matches of 0.03 m, are still missing.
   EXPECT_LT((last.translation() - last_late.translation()).norm(), 0.03);
   EXPECT_LT((last_late.translation() - truthAt(3.0).translation()).norm(), kMatch_m);
+}
+
+TEST_F(LocalizerTest, AtEachSweepItSeesTheWallAndIsLocalized) {
+  int sweeps = 0;
+  for (const auto& output : drive(none)) {
+    if (!output.walls) continue;
+    ++sweeps;
+    const WallScan& walls = output.walls->walls;
+    const Pose T = truthAt(walls.stamp_s);
+    ASSERT_TRUE(walls.right) << walls.stamp_s;
+    // 1 cm of noise on the points, and cells of 0.5 m in which posts stand before the wall.
+    EXPECT_NEAR(walls.right->distance_m(), (T.translation().y() + 8) / std::cos(yawOf(T)), 0.05)
+        << walls.stamp_s;
+    EXPECT_EQ(output.walls->guard.state, GuardState::localized);
+  }
+  EXPECT_GT(sweeps, 35);
+}
+
+TEST_F(LocalizerTest, WhenAllSourcesLieTheGuardFollowsTheWall) {
+  const auto outputs = drive(none, 1, {"*", 10, 1.0, 1});
+  const double reject_s = GuardOptions().reject_s;
+  int followed = 0;
+  for (const auto& output : outputs) {
+    if (!output.walls) continue;
+    const double t = output.walls->walls.stamp_s - start_->stamp_s;
+    const GuardOutput& guard = output.walls->guard;
+    if (t < 1.0) {
+      EXPECT_EQ(guard.state, GuardState::localized) << t;
+    }
+    // Two sweeps until no source confirms it any more, reject_s, and one sweep until it is seen.
+    if (t < 1.3 + reject_s) continue;
+    EXPECT_EQ(guard.state, GuardState::wall_following) << t;
+    EXPECT_TRUE(guard.path);
+    ++followed;
+  }
+  EXPECT_GT(followed, 15);
 }
 
 TEST_F(LocalizerTest, AWeekNumberThatRollsOverIsNamed) {

@@ -34,6 +34,17 @@ LocalizerOutput someOutput() {
                                false};
   output.integrity = {
       LocalizationState::degraded, "gps_left: leaves the others", 8.5, 5, {0.3, 0.4, 0.01}, 1.5};
+  Wall wall{};
+  wall.side = Side::right;
+  wall.beta = {-4, 0.1, 0.002};
+  wall.covariance = 0.0004 * Eigen::Matrix3d::Identity();
+  WallReport report{};
+  report.walls = {1.5e9 + 0.1, ScanVerdict::good, std::nullopt, wall};
+  report.guard.state = GuardState::wall_following;
+  report.guard.clearance.side = Side::right;
+  report.guard.clearance.wheel_m = 3;
+  report.guard.path = WallPath{Side::right, 2.5, {{0, 0, 0, 0, 0}, {1, 1, 0.25, 0.1, 0.05}}, 30, 20, true};
+  output.walls = report;
   return output;
 }
 
@@ -62,17 +73,30 @@ TEST(OutputJson, HoldsEveryFieldInItsPlace) {
   EXPECT_EQ(json.at("sources").at(1).at("source"), "gps_left");
   EXPECT_EQ(json.at("sources").at(1).at("accepted"), false);
   EXPECT_EQ(json.at("sources").at(1).at("p_theta"), 0.01);
+  const auto& walls = json.at("walls");
+  EXPECT_EQ(walls.at("scan"), "good");
+  EXPECT_TRUE(walls.at("left").is_null());
+  EXPECT_EQ(walls.at("right").at("distance_m"), 4);
+  EXPECT_NEAR(walls.at("right").at("distance_sigma_m"), 0.02, 1e-12);
+  EXPECT_EQ(walls.at("right").at("beta"), nlohmann::json({-4, 0.1, 0.002}));
+  EXPECT_EQ(walls.at("guard"), "wall_following");
+  EXPECT_EQ(walls.at("nearest"), "right");
+  EXPECT_EQ(walls.at("wheel_to_wall_m"), 3);
+  EXPECT_TRUE(walls.at("time_to_wall_s").is_null());
+  EXPECT_EQ(walls.at("path").at("points").at(1), nlohmann::json({1, 0.25, 0.1, 0.05}));
 }
 
 TEST(OutputJson, WhatIsNotThereIsNull) {
   LocalizerOutput output = someOutput();
   output.decision.reset();
+  output.walls.reset();
   output.integrity.protection.lateral_m = std::numeric_limits<double>::infinity();
   output.integrity.cause = "\xff is no UTF-8";
   const auto json = nlohmann::json::parse(outputJson(output, {1, std::nullopt}));
   EXPECT_TRUE(json.at("age_s").is_null());
   EXPECT_TRUE(json.at("protection").at("lateral_m").is_null());
   EXPECT_EQ(json.at("rule"), 0);
+  EXPECT_TRUE(json.at("walls").is_null());
   EXPECT_TRUE(json.at("sources").is_array());
   EXPECT_TRUE(json.at("sources").empty());
 }
@@ -87,6 +111,9 @@ TEST(OutputJson, EveryFieldIsDescribed) {
   expectNamed(json.at("pose"));
   expectNamed(json.at("protection"));
   expectNamed(json.at("sources").at(0));
+  expectNamed(json.at("walls"));
+  expectNamed(json.at("walls").at("right"));
+  expectNamed(json.at("walls").at("path"));
 }
 
 /** A client of TCP that reads when it is told to. */
