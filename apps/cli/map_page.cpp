@@ -163,7 +163,8 @@ std::string qaPage(const std::string& title, const BuiltMap& built, const QaResu
 
   body += heading("Overlap and gaps") + picture([&] { return coveragePicture(qa); });
   std::vector<std::vector<std::string>> gaps{
-      {format("passes below %d", options.min_passes), stretchText(qa.unpassed)}};
+      {format("passes below %d", options.min_passes), stretchText(qa.unpassed)},
+      {"no believed fix on any pass", stretchText(qa.without_fix)}};
   if (qa.on_lap) {
     gaps.push_back({"no road", stretchText(qa.without_road)});
     gaps.push_back({"no wall", stretchText(qa.without_wall)});
@@ -319,6 +320,8 @@ std::string qaJson(const BuiltMap& built, const QaResult& qa) {
   json["wall_share"] = rounded(qa.wall_share);
   json["degenerate_share"] = rounded(qa.degenerate_share);
   json["too_few_passes"] = stretches(qa.unpassed);
+  json["without_fix"] = stretches(qa.without_fix);
+  json["longest_without_fix_m"] = rounded(qa.longest_without_fix_m);
   json["without_road"] = stretches(qa.without_road);
   json["without_wall"] = stretches(qa.without_wall);
   json["degenerate"] = stretches(qa.degenerate);
@@ -327,6 +330,7 @@ std::string qaJson(const BuiltMap& built, const QaResult& qa) {
   for (const StationQa& s : qa.stations) {
     ordered_json entry{{"station_m", rounded(s.station_m)},
                        {"passes", s.passes},
+                       {"fix", s.fix},
                        {"road", s.road},
                        {"wall_left", s.wall_left},
                        {"wall_right", s.wall_right}};

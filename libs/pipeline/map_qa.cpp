@@ -124,6 +124,17 @@ std::vector<Stretch> stretches(const std::vector<StationQa>& stations, double sp
   return found;
 }
 
+/** The longest one; on a closed line the last may go on as the first. */
+double longest(const std::vector<Stretch>& stretches, const Stations& s) {
+  double longest_m = 0;
+  for (const Stretch& stretch : stretches) longest_m = std::max(longest_m, stretch.end_m - stretch.begin_m);
+  const double end_m = s.count * s.spacing_m;
+  const bool goes_round =
+      s.closed && stretches.size() > 1 && stretches.front().begin_m == 0 && stretches.back().end_m == end_m;
+  return goes_round ? std::max(longest_m, stretches.front().end_m + end_m - stretches.back().begin_m)
+                    : longest_m;
+}
+
 /** Loops in a row along the line that are weak in a direction. */
 std::vector<Stretch> degenerateLoops(const std::vector<LoopResidual>& loops, double degenerate_sigma_m) {
   std::vector<std::pair<double, bool>> by_station;
@@ -253,6 +264,7 @@ void decide(const MapReport& report, const QaOptions& o, QaResult& qa) {
            100 * static_cast<double>(refused_fixes) / static_cast<double>(qa.fixes.size()),
            100 * o.max_refused_share);
     atMost("GPS rmse", "m", report.gps_rmse_m, o.max_gps_rmse_m);
+    atMost("way without a fix", "m", qa.longest_without_fix_m, o.max_way_without_fix_m);
   }
   int full_laps = 0, most = 0;
   if (qa.on_lap) {
@@ -340,7 +352,8 @@ QaResult qaOf(const MapContent& content, const MapReport& report, const QaOption
   QaResult qa{};
   qa.on_lap = s.closed;
   qa.spacing_m = s.spacing_m;
-  for (int n = 0; n < s.count; ++n) qa.stations.push_back({n * s.spacing_m, 0, false, false, false, {}});
+  for (int n = 0; n < s.count; ++n)
+    qa.stations.push_back({n * s.spacing_m, 0, false, false, false, false, {}});
   const auto at = [&](double station_m) -> StationQa& {
     return qa.stations[s.wrapped(static_cast<int>(std::lround(station_m / s.spacing_m)))];
   };
@@ -349,6 +362,10 @@ QaResult qaOf(const MapContent& content, const MapReport& report, const QaOption
     (wall.side == WallSide::left ? at(wall.station_m).wall_left : at(wall.station_m).wall_right) = true;
   countPasses(content, s, options.max_gap_m, qa.stations);
   weakenStations(content, s, qa.stations);
+
+  for (const MapFix& fix : content.fixes)
+    if (const auto& number = s.number[static_cast<std::size_t>(fix.key)]; number && !refused(fix))
+      qa.stations[s.wrapped(*number)].fix = true;
 
   const auto unpassed = [&](const StationQa& at_station) { return at_station.passes < options.min_passes; };
   const auto road = [](const StationQa& at_station) { return at_station.road; };
@@ -360,6 +377,11 @@ QaResult qaOf(const MapContent& content, const MapReport& report, const QaOption
   qa.without_road = stretches(qa.stations, s.spacing_m, [&](const StationQa& a) { return !road(a); });
   qa.without_wall = stretches(qa.stations, s.spacing_m, [&](const StationQa& a) { return !wall(a); });
   qa.degenerate = stretches(qa.stations, s.spacing_m, degenerate);
+  qa.without_fix = stretches(qa.stations, s.spacing_m, [](const StationQa& a) { return !a.fix; });
+  qa.longest_without_fix_m = longest(qa.without_fix, s);
+  const auto is_short = [&](const Stretch& a) { return a.end_m - a.begin_m <= options.max_gap_m; };
+  qa.without_fix.erase(std::remove_if(qa.without_fix.begin(), qa.without_fix.end(), is_short),
+                       qa.without_fix.end());
   qa.road_share = share(qa.stations, road);
   qa.wall_share = share(qa.stations, wall);
   qa.degenerate_share = share(qa.stations, degenerate);

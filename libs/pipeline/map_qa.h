@@ -53,6 +53,7 @@ struct StationQa {
   double station_m;
   int passes;
   bool road, wall_left, wall_right;
+  bool fix;                         ///< a fix on some pass was believed
   std::optional<Weakest> odometry;  ///< the weakest match of all passes
 };
 
@@ -82,6 +83,8 @@ struct QaResult {
   std::size_t loops_ambiguous;                            ///< refused, for the place repeats itself
   std::size_t loops_with_rivals;                          ///< kept, by their neighbours' word
   std::vector<Stretch> unpassed, without_road, without_wall, degenerate;
+  std::vector<Stretch> without_fix;                 ///< those longer than max_gap_m
+  double longest_without_fix_m;                     ///< across the start line, too
   std::vector<Stretch> degenerate_loops;            ///< from the first to the last of such loops in a row
   double road_share, wall_share, degenerate_share;  ///< of the stations
   std::vector<QaCheck> checks;

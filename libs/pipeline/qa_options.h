@@ -12,6 +12,7 @@ struct QaOptions {
   double max_loop_residual_m = 0.10;
   int min_passes = 1;
   double max_gap_m = 20;
+  double max_way_without_fix_m = 200;
   double min_road_share = 0.95;
   double min_wall_share = 0.5;
   double degenerate_sigma_m = 0.1;
