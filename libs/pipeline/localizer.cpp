@@ -1,6 +1,7 @@
 #include "pipeline/localizer.h"
 
 #include <algorithm>
+#include <chrono>
 #include <cmath>
 #include <utility>
 
@@ -64,6 +65,10 @@ void LocalizerPolicy::describe(OptionList& keys) {
   keys.add("map_radius_m", map_radius_m, above(0), "tiles within this distance of the car are held [m]");
   keys.add("output_period_s", output_period_s, above(0),
            "an estimate comes with each message of the car's own motion, or so long after the last [s]");
+  keys.add("match_delay_s", match_delay_s, between(0, 0.5),
+           "a scan match counts so long after its sweep is there; what a match takes on this computer, most "
+           "of the time "
+           "[s]");
   keys.add("max_fix_age_s", max_fix_age_s, above(0), "older fixes do not tell where to look for the car [s]");
   keys.add("min_course_speed_mps", min_course_speed_mps, above(0), "slower, two fixes give no course [m/s]");
   keys.add("course_sigma_deg", course_sigma_deg, above(0), "error of the course between two fixes [deg]");
@@ -106,32 +111,39 @@ std::vector<LocalizerOutput> Localizer::add(const Sample& sample) {
     return outputs;
   }
   std::visit([&](const auto& s) { take(s); }, sample);
+  if (x_job && stamp_s >= x_job->due_s) finishMatch();
   const bool due =
       std::holds_alternative<MotionSample>(sample) || stamp_s - x_stamp_s >= x_options.policy.output_period_s;
   if (started() && due && stamp_s > x_stamp_s) moveTo(stamp_s);
-  while (const Sweep* sweep = x_queue.pop(x_history, stamp_s)) process(*sweep);
+  processAll(stamp_s, [&] { return x_queue.pop(x_history, stamp_s); });
   publish(outputs);
   return outputs;
 }
 
 std::vector<LocalizerOutput> Localizer::finish() {
   std::vector<LocalizerOutput> outputs;
-  while (const Sweep* sweep = x_queue.popAny()) {
-    if (started() && sweep->end_s > x_stamp_s) moveTo(sweep->end_s);
-    process(*sweep);
+  for (;;) {
+    if (x_job) finishMatch();
+    const Sweep* sweep = x_queue.popAny();
+    if (sweep && started() && sweep->end_s > x_stamp_s) moveTo(sweep->end_s);
+    processAll(x_stamp_s, [&] { return std::exchange(sweep, nullptr); });
     publish(outputs);
+    if (!x_job && x_queue.empty()) return outputs;
   }
-  return outputs;
 }
 
-void Localizer::process(const Sweep& sweep) {
-  if (!started()) {
-    tryStart(sweep);
-  } else if (sweep.end_s > x_start->stamp_s && sweep.end_s > x_stamp_s - x_options.history.lag_s) {
-    matchSweep(sweep, prepared(sweep, &x_whole_scan));
-    watchWalls(sweep, x_whole_scan);
-  } else {
-    ++x_passed_over;
+template <class Next>
+void Localizer::processAll(double now_s, const Next& next) {
+  while (!x_job) {
+    const Sweep* sweep = next();
+    if (!sweep) return;
+    if (!started())
+      tryStart(*sweep);
+    else if (sweep->end_s > x_start->stamp_s && sweep->end_s > x_stamp_s - x_options.history.lag_s)
+      beginMatch(*sweep, now_s);
+    else
+      ++x_passed_over;
+    if (x_job && now_s >= x_job->due_s) finishMatch();
   }
 }
 
@@ -266,14 +278,14 @@ void Localizer::tryStart(const Sweep& sweep) {
   const double end_s = sweep.end_s;
   const auto T_guess = placeAt(end_s);
   if (!T_guess) return;
-  const CovarianceCloud source = prepared(sweep);
+  const CovarianceCloud source = x_preparer.prepare(sweep, motionOf(sweep));
   const auto match = search(source, *T_guess);
   if (!match) return;
   const double to_fix_m = (match->T_target_source.translation() - T_guess->translation()).head<2>().norm();
   start(end_s, match->T_target_source, {end_s, x_place->receiver, true, to_fix_m});
   enter(end_s, planarFix(*match));
   believe(end_s, *match);
-  x_new_match = ScanMatch{end_s, match->T_target_source, *match, true, source.cloud};
+  x_new_match = ScanMatch{end_s, match->T_target_source, *match, true, source.cloud, 0};
 }
 
 void Localizer::start(double stamp_s, const Pose& T_map_body, StartReport report) {
@@ -333,27 +345,56 @@ Pose Localizer::poseAt(double stamp_s, const CarState& car) const {
   return withPlanar(T, car.mean(0), car.mean(1), car.mean(2));
 }
 
-CovarianceCloud Localizer::prepared(const Sweep& sweep, Cloud* whole) {
-  const auto poses = x_history.sweep(sweep.begin_s, sweep.end_s);
+SweepPoses Localizer::motionOf(const Sweep& sweep) const {
+  if (const auto poses = x_history.sweep(sweep.begin_s, sweep.end_s)) return *poses;
   Vector6d last = Vector6d::Zero();
   last(2) = x_last_rates.yaw_rate_rps;
   last(3) = x_last_rates.speed_mps;
-  return x_preparer.prepare(sweep, poses ? *poses : steadySweep(last, sweep.end_s - sweep.begin_s), whole);
+  return steadySweep(last, sweep.end_s - sweep.begin_s);
 }
 
-void Localizer::matchSweep(const Sweep& sweep, const CovarianceCloud& source) {
+void Localizer::beginMatch(const Sweep& sweep, double now_s) {
+  using Clock = std::chrono::steady_clock;
   const double end_s = sweep.end_s;
-  const GicpOptions& gicp = x_options.matching.registration;
   const Pose T_guess = poseAt(end_s, x_fusion->at(end_s).car);
-  std::optional<Registration> match;
-  if (x_window.moveTo(T_guess.translation().head<2>()))
-    match = align(x_context, source, x_window.target(), T_guess, gicp);
+  const bool has_tiles = x_window.moveTo(T_guess.translation().head<2>());
+  const Pose T_last_now = x_last_sweep_s ? motionBetween(*x_last_sweep_s, end_s) : Pose(Pose::Identity());
+  x_last_sweep_s = end_s;
+  // The sweep stays as it is until the next one leaves the queue, which is after this job.
+  auto work = [this, &sweep, T_begin_at = motionOf(sweep), T_guess, has_tiles, T_last_now] {
+    const auto begin = Clock::now();
+    SweepResult result;
+    result.source = x_preparer.prepare(sweep, T_begin_at, &x_whole_scan);
+    if (has_tiles)
+      result.match =
+          align(x_context, result.source, x_window.target(), T_guess, x_options.matching.registration);
+    result.walls = x_walls.detect(x_whole_scan, sweep.end_s, T_last_now);
+    result.took_s = std::chrono::duration<double>(Clock::now() - begin).count();
+    return result;
+  };
+  x_job = SweepJob{end_s, now_s + x_options.policy.match_delay_s,
+                   std::async(std::launch::async, std::move(work))};
+}
+
+void Localizer::finishMatch() {
+  const double end_s = x_job->end_s;
+  SweepResult result = x_job->result.get();
+  x_job.reset();
+  const WallScan walls = result.walls;
+  takeMatch(end_s, std::move(result));
+  guard(end_s, walls);
+}
+
+void Localizer::takeMatch(double end_s, SweepResult result) {
+  const GicpOptions& gicp = x_options.matching.registration;
+  std::optional<Registration>& match = result.match;
   bool trusted = match && match->trusted(gicp);
   if (!trusted && ++x_failed_matches >= x_options.policy.search_after) {
     x_failed_matches = 0;
     ++x_searches;
     const auto T_place = placeAt(end_s);
-    if (const auto found = search(source, T_place ? *T_place : T_guess)) {
+    const Pose T_guess = T_place ? *T_place : poseAt(end_s, x_fusion->at(end_s).car);
+    if (const auto found = search(result.source, T_guess)) {
       match = found;
       trusted = true;
     }
@@ -375,16 +416,12 @@ void Localizer::matchSweep(const Sweep& sweep, const CovarianceCloud& source) {
           x_options.policy.search_after;  // found elsewhere: two keys are to turn, without a pause
     }
   }
-  x_new_match = ScanMatch{end_s, poseAt(end_s, x_fusion->at(end_s).car), *match, trusted, source.cloud};
+  x_new_match = ScanMatch{end_s,   poseAt(end_s, x_fusion->at(end_s).car), *match,
+                          trusted, std::move(result.source.cloud),         result.took_s};
 }
 
-void Localizer::watchWalls(const Sweep& sweep, const Cloud& scan_body) {
+void Localizer::guard(double end_s, const WallScan& walls) {
   constexpr double kStanding_mps = 0.5;
-  const double end_s = sweep.end_s;
-  if (x_walls_s && !(end_s > *x_walls_s)) return;  // it came late: the walls are younger
-  const Pose T_last_now = x_walls_s ? motionBetween(*x_walls_s, end_s) : Pose::Identity();
-  x_walls_s = end_s;
-  const WallScan walls = x_walls.detect(scan_body, end_s, T_last_now);
   const EstimatorState now = x_fusion->at(end_s);
   const LocalizationState state = integrityOf(now, poseAt(end_s, now.car)).state;
   const bool is_localized = state == LocalizationState::ok || state == LocalizationState::degraded;

@@ -5,6 +5,7 @@
 
 #include <raceloc/gpu/context.h>
 
+#include <future>
 #include <map>
 #include <optional>
 #include <random>
@@ -30,6 +31,7 @@ constexpr char kScanMatch[] = "scan_match";
 struct LocalizerPolicy {
   double map_radius_m = 100;
   double output_period_s = 0.01;
+  double match_delay_s = 0.03;
   double max_fix_age_s = 0.3;
   double min_course_speed_mps = 3.0;
   double course_sigma_deg = 2.0;
@@ -77,6 +79,7 @@ struct ScanMatch {
   Registration match;
   bool trusted;
   Cloud scan_body;  ///< de-skewed, thinned: for pictures
+  double took_s;    ///< wall time from the sweep's samples to its pose: the one value that no two runs share
 };
 
 /** What stands beside the car at the end of a sweep, and who should steer. */
@@ -110,6 +113,9 @@ struct LocalizerOutput {
  * Output: at each sample of the car's own motion, and at any other one output_period_s after the last, extrapolated to
  * its stamp. What the motion does in the plane follows from the car's attitude, so that on a bank neither speed nor yaw
  * rate are too small. Fixes of receivers and scan matches go into a history of fixed lag as they come (history.h).
+ * A sweep is prepared, matched and looked through for walls on another thread, while outputs go on. What it tells
+ * enters the history when the samples' time is match_delay_s past the one at which the sweep was whole: so the same log gives
+ * the same bits, however long a match takes; only when it takes longer, the outputs wait for it.
  * Start: a fix with a heading (the receiver's INS, or the course between two fixes at speed) says where to look, and
  * a scan match found around it says where the car is; only when no match is found for start_patience_s does the fix
  * start the filter alone. Before that there is no output. After search_after matches in a row that are not trusted, the
@@ -119,13 +125,15 @@ struct LocalizerOutput {
  * drive along one. Source: reading.md sections 1, 2, 6 and 7. */
 class Localizer {
  public:
-  /** Keeps references to context and map. \throws InputError if the gate's options contradict each other. */
+  /** Keeps references to context and map; the context is its own while it is matching. \throws InputError if the gate's options contradict each other. */
   Localizer(gpu::Context& context, const MapFile& map, const LocalizerOptions& options);
 
   [[nodiscard]] std::vector<LocalizerOutput> add(const Sample& sample);
   [[nodiscard]] std::vector<LocalizerOutput> finish();  ///< what still waits, at the end of the stream
 
   [[nodiscard]] bool started() const { return x_fusion.has_value(); }
+  /** Whether the context is in use by a match. */
+  [[nodiscard]] bool isMatching() const { return x_job.has_value(); }
   [[nodiscard]] const std::optional<StartReport>& startReport() const { return x_start; }
   /** Sweeps that ended before the start, or before the lag. */
   [[nodiscard]] std::size_t passedOver() const { return x_passed_over; }
@@ -164,9 +172,21 @@ class Localizer {
   /** Looks for the car around the fix of considerStart(). */
   void tryStart(const Sweep& sweep);
   void start(double stamp_s, const Pose& T_map_body, StartReport report);
-  void matchSweep(const Sweep& sweep, const CovarianceCloud& source);
-  /** \param scan_body  whole, de-skewed, at the sweep's end */
-  void watchWalls(const Sweep& sweep, const Cloud& scan_body);
+  /** What another thread makes of a sweep. */
+  struct SweepResult {
+    CovarianceCloud source;
+    std::optional<Registration> match;  ///< none: no tile of the map is there
+    WallScan walls;
+    double took_s;
+  };
+  struct SweepJob {
+    double end_s, due_s;
+    std::future<SweepResult> result;
+  };
+  void beginMatch(const Sweep& sweep, double now_s);
+  void finishMatch();
+  void takeMatch(double end_s, SweepResult result);
+  void guard(double end_s, const WallScan& walls);
   /** A fix goes into the history; what becomes of it is noted. */
   void enter(double stamp_s, PoseFix fix);
   [[nodiscard]] Eigen::Vector2d trialNoise(const std::string& source, double stamp_s);
@@ -185,10 +205,12 @@ class Localizer {
   void moveTo(double stamp_s);
   /** The estimate with an attitude and height as last known, at an instant of the history. */
   [[nodiscard]] Pose poseAt(double stamp_s, const CarState& car) const;
-  /** \param whole  takes the sweep before it was thinned; may be null */
-  [[nodiscard]] CovarianceCloud prepared(const Sweep& sweep, Cloud* whole = nullptr);
+  /** How the car moved while the sweep was taken, or is likely to have. */
+  [[nodiscard]] SweepPoses motionOf(const Sweep& sweep) const;
   [[nodiscard]] Integrity integrityOf(const EstimatorState& state, const Pose& T_map_body) const;
-  void process(const Sweep& sweep);
+  /** Sweeps whose motion is known, one after the other. \param next  gives them */
+  template <class Next>
+  void processAll(double now_s, const Next& next);
   void publish(std::vector<LocalizerOutput>& outputs);
 
   struct StartPlace {
@@ -222,12 +244,13 @@ class Localizer {
   WallDetector x_walls;
   Guard x_guard;
   Cloud x_whole_scan;
-  std::optional<double> x_walls_s;  ///< when they were last looked for
   FaultCounts x_noted;
   std::mt19937 x_trial_engine;
   std::optional<double> x_height_above_road_m;  ///< of the rear axle
   int x_failed_matches = 0;                     ///< in a row
   bool x_by_wheels = true;
+  std::optional<double> x_last_sweep_s;  ///< end of the one before
+  std::optional<SweepJob> x_job;         ///< last: it uses the others, and ends before they do
 };
 
 }  // namespace raceloc

@@ -1,7 +1,6 @@
 #include "pipeline/replay.h"
 
 #include <algorithm>
-#include <chrono>
 #include <memory>
 #include <optional>
 #include <utility>
@@ -120,11 +119,11 @@ class Tally {
     ++x_report.scans;
     if (!output.scan_match->trusted) return;
     ++x_report.trusted_matches;
+    x_times_s.push_back(output.scan_match->took_s);
     x_residuals_m.push_back(output.scan_match->match.residual_m);
     x_shares.push_back(output.scan_match->match.inlier_share);
     x_iterations.push_back(output.scan_match->match.iterations);
   }
-  void addTime(double wall_s) { x_times_s.push_back(wall_s); }
   void finish() {
     x_report.match_residual_m = quantile(x_residuals_m, 0.5);
     x_report.match_inlier_share = quantile(x_shares, 0.5);
@@ -151,7 +150,6 @@ class Tally {
 ReplayReport localize(LogReader& reader, const MapFile& map, const std::string& map_path,
                       AnnotatedLog* annotated, const ReplayOptions& options, const GoOn& goOn,
                       const Listener& listen) {
-  using Clock = std::chrono::steady_clock;
   requireHash(map, map_path, options.live.map_hash);
   PlaceCheck place(map, map_path, options.live.map_reach_m);
   const DeviceOptions& device = options.localizer.matching.device;
@@ -162,7 +160,6 @@ ReplayReport localize(LogReader& reader, const MapFile& map, const std::string& 
   report.trajectory.origin = reader.origin();
   Tally tally(report);
   std::optional<double> first_s;
-  double longest_s = 0;  // of a sample, since the last output: a match may be done before its output is due
 
   const auto hand = [&](const std::vector<LocalizerOutput>& outputs) {
     for (const auto& output : outputs) {
@@ -184,15 +181,8 @@ ReplayReport localize(LogReader& reader, const MapFile& map, const std::string& 
     }
     if (const auto* fix = std::get_if<GpsFix>(&*sample)) place.add(*fix);
     if (annotated) annotated->write(*sample);
-    watch.at(stamp_s);
-    const auto before = Clock::now();
-    const auto outputs = localizer.add(*sample);
-    longest_s = std::max(longest_s, std::chrono::duration<double>(Clock::now() - before).count());
-    const bool matched =
-        std::any_of(outputs.begin(), outputs.end(), [](const auto& o) { return o.scan_match.has_value(); });
-    if (matched) tally.addTime(longest_s);
-    if (!outputs.empty()) longest_s = 0;
-    hand(outputs);
+    if (!localizer.isMatching()) watch.at(stamp_s);
+    hand(localizer.add(*sample));
   }
   hand(localizer.finish());
   tally.finish();

@@ -70,7 +70,7 @@ class LocalizerTest : public ::testing::Test {
         hand(Scan{stamp_s,
                   "lidar",
                   Pose::Identity(),
-                  voxelGrid(context_, transformed(street_, T.inverse()), 0.5),
+                  voxelGrid(scanner_, transformed(street_, T.inverse()), 0.5),
                   {},
                   {}});
     }
@@ -94,7 +94,7 @@ class LocalizerTest : public ::testing::Test {
   }
 
   Random rnd_{21};
-  gpu::Context context_{gpu::Backend::cpu};
+  gpu::Context context_{gpu::Backend::cpu}, scanner_{gpu::Backend::cpu};
   Cloud street_ = test::street(rnd_, 0.01, 40000);
   std::string path_;
   std::optional<StartReport> start_;
@@ -203,12 +203,24 @@ TEST_F(LocalizerTest, AnEstimateComesWithEachMessageOfTheCarsMotion) {
   EXPECT_NEAR(outputs.back().speed_mps, kSpeed_mps, 0.1);
 }
 
+TEST_F(LocalizerTest, EstimatesGoOnWhileAMatchIsMade) {
+  int matches = 0;
+  for (const auto& output : drive(none)) {
+    if (!output.scan_match || output.stamp_s < start_->stamp_s + 0.1) continue;
+    ++matches;
+    EXPECT_GE(output.stamp_s, output.scan_match->stamp_s + LocalizerPolicy().match_delay_s - 1e-9);
+    EXPECT_LT(output.stamp_s, output.scan_match->stamp_s + LocalizerPolicy().match_delay_s + 0.02);
+  }
+  EXPECT_GT(matches, 30);
+}
+
 TEST_F(LocalizerTest, WhatComesLateCountsAsIfItHadBeenInTime) {
   std::vector<Sample> waiting;
   const MapFile map(path_);
   LocalizerOptions options;
   options.matching.crop = {0, 80, 0, 0, 0};
-  Localizer in_time(context_, map, options), late(context_, map, options);
+  gpu::Context other{gpu::Backend::cpu};
+  Localizer in_time(context_, map, options), late(other, map, options);
   Random rnd(3);
   Pose last = Pose::Identity(), last_late = Pose::Identity();
   for (int i = 0; i <= 300; ++i) {
@@ -225,7 +237,7 @@ TEST_F(LocalizerTest, WhatComesLateCountsAsIfItHadBeenInTime) {
       now.emplace_back(Scan{stamp_s,
                             "lidar",
                             Pose::Identity(),
-                            voxelGrid(context_, transformed(street_, T.inverse()), 0.5),
+                            voxelGrid(scanner_, transformed(street_, T.inverse()), 0.5),
                             {},
                             {}});
     for (const auto& sample : now) {
