@@ -20,6 +20,7 @@ constexpr double kReach_m = 10;         // a wall that begins farther ahead or b
 constexpr double kOwnShare = 0.7;       // of the cluster's cells beside the seed that must lie on the curve
 constexpr double kSharedError = 20;     // variance of the mean of cells over that of independent ones
 constexpr double kLeastSigma_m = 0.01;  // of one cell
+constexpr double kMostSigma_m = 0.5;    // of a distance that is worth knowing
 constexpr int kFewest = 6;              // points on a curve of four unknowns
 
 double cauchy(double off_m, double width_m) { return 1 / (1 + (off_m / width_m) * (off_m / width_m)); }
@@ -252,7 +253,8 @@ std::optional<Wall> WallFit::from(std::int32_t cluster, Side side) {
   }
   const Wall wall = wallOf(*curve, window, side);
   const double x_m = std::clamp(0.0, wall.from_x_m, wall.to_x_m);
-  const bool is_wall = wall.residual_m <= x_options.max_residual_m &&
+  const bool is_wall = wall.distanceSigma_m() <= kMostSigma_m &&
+                       wall.residual_m <= x_options.max_residual_m &&
                        wall.length_m >= x_options.min_length_m && wall.distance_m() > 0 &&
                        wall.distance_m() <= x_options.max_distance_m &&
                        std::abs(std::atan(wall.slope(x_m))) <= x_options.max_heading_deg * kDegree &&
