@@ -69,7 +69,7 @@ std::optional<Wall> WallFit::find(Side side) {
   std::sort(x_long.begin(), x_long.end(),
             [&](auto a, auto b) { return std::pair(distance_m(a), a) < std::pair(distance_m(b), b); });
   for (std::size_t k = 0; k < std::min(kTried, x_long.size()); ++k)
-    if (const auto wall = from(x_long[k], side)) return wall;
+    if (auto wall = from(x_long[k], side)) return wall;
   return std::nullopt;
 }
 
