@@ -151,7 +151,9 @@ GateDecision Estimator::decide(EstimatorState& state, std::vector<PoseFix> fixes
     verdict.weight = gated.weight;
     verdict.accepted = gated.accepted;
     verdict.confirms = verdict.confirms && gated.accepted;
-    placeOf(state.records, verdict.source)->confirms = verdict.confirms;
+    SourceRecord& known = *placeOf(state.records, verdict.source);
+    known.confirms = verdict.confirms;
+    if (known.confirms) known.leapt = false;
   }
   for (auto& verdict : verdicts) verdict.p_theta = conditionalProbability(verdict.delta);
   if (heard.size() < verdicts.size() && decision.rule != GateRule::rejected_all)

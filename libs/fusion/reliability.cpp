@@ -76,13 +76,17 @@ void record(SourceRecord& known, double stamp_s, const CarState& predicted, cons
   SourceRecord now = firstRecord(stamp_s, predicted, fix);
   now.left = known.left;
   now.left_by_m = known.left_by_m;
+  now.leapt = known.leapt;
   if (stamp_s - known.stamp_s <= options.fresh_s) {
     const double share = -std::expm1(-(stamp_s - known.stamp_s) / options.window_s);
     const double step = std::min(
         (now.residual_m - known.residual_m).squaredNorm() / (known.cov_m2.trace() + fix.cov_p_m2.trace()),
         kMostNis);
     const auto mean = [&](double before, double value) { return before + share * (value - before); };
-    now.leapt = step > kJump ? known.confirms : known.leapt;
+    if (step > kJump) {
+      const bool comes_back = now.residual_m.norm() < 0.5 * known.residual_m.norm();
+      now.leapt = (known.leapt || known.confirms) && !comes_back;
+    }
     if (step <= kJump) now.mean_m = known.mean_m + share * (now.residual_m - known.mean_m);
     Eigen::Vector2d rate_mps = (now.residual_m - known.residual_m) / (stamp_s - known.stamp_s);
     rate_mps *= std::min(1.0, kFastest_mps / std::max(kFastest_mps, rate_mps.norm()));
@@ -90,6 +94,7 @@ void record(SourceRecord& known, double stamp_s, const CarState& predicted, cons
     now.noise = mean(known.noise, step);
     now.scatter = mean(known.scatter, std::min(step, kMostStep));
     now.contradiction = mean(known.contradiction, 0.5 * now.nis);
+    if (!scattersAsClaimed(now)) now.leapt = false;
     if (!scattersAsClaimed(known) && scattersAsClaimed(now)) {  // what was noise is over
       now.noise = 1;
       now.contradiction = 0.5 * now.nis;

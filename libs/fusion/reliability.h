@@ -44,8 +44,8 @@ struct SourceRecord {
   double scatter = 1;     ///< the same with each step at most kMostStep: forgives soon
   bool confirms = false;  ///< its newest fix was accepted, as its claim lets expect
   bool left = false;
-  /** It confirmed the estimate, then was elsewhere from one fix to the next, and has stayed there: the car does not move so,
-   * hence the fault is the source's. */
+  /** It confirmed the estimate, then was elsewhere from one fix to the next, and has neither leapt back nor confirmed it
+   * since: the car does not move so, hence the fault is the source's. Not of one that scatters: that is noise. */
   bool leapt = false;
   std::optional<double> with_others_since_s;  ///< while it has left: since when it is back
 };
@@ -69,7 +69,7 @@ struct MotionWitness {
 };
 
 /** Enters a fix; after a silence of more than fresh_s the record begins anew, but that a source which had left is still
- * to agree for return_s.
+ * to agree for return_s, and one that leapt has still leapt.
  * \param predicted  the estimate at the time of the fix */
 void record(SourceRecord& known, double stamp_s, const CarState& predicted, const PoseFix& fix,
             const ReliabilityOptions& options);

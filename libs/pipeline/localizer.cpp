@@ -48,6 +48,7 @@ Eigen::Vector2d planarLever(const Eigen::Matrix3d& R_map_body, const Eigen::Vect
 }
 
 constexpr double kMatchMemory_s = 1;
+constexpr double kStanding_mps = 0.5;  // slower, the way is too short to have a direction
 // Over longer, what calibration drifts counts more than what is known of the two ends.
 constexpr double kLongestLesson_s = 1;
 
@@ -65,7 +66,7 @@ void LocalizerPolicy::describe(OptionList& keys) {
   keys.add("map_radius_m", map_radius_m, above(0), "tiles within this distance of the car are held [m]");
   keys.add("output_period_s", output_period_s, above(0),
            "an estimate comes with each message of the car's own motion, or so long after the last [s]");
-  keys.add("match_delay_s", match_delay_s, between(0, 0.5),
+  keys.add("match_delay_s", match_delay_s, between(0, 0.1),
            "a scan match counts so long after its sweep is there; what a match takes on this computer, most "
            "of the time "
            "[s]");
@@ -111,25 +112,32 @@ std::vector<LocalizerOutput> Localizer::add(const Sample& sample) {
     return outputs;
   }
   std::visit([&](const auto& s) { take(s); }, sample);
-  if (x_job && stamp_s >= x_job->due_s) finishMatch();
+  x_now_s = std::max(x_now_s, stamp_s);
+  if (x_job && x_now_s >= x_job->due_s) finishMatch();
   const bool due =
       std::holds_alternative<MotionSample>(sample) || stamp_s - x_stamp_s >= x_options.policy.output_period_s;
   if (started() && due && stamp_s > x_stamp_s) moveTo(stamp_s);
-  processAll(stamp_s, [&] { return x_queue.pop(x_history, stamp_s); });
+  processAll(x_now_s, [&] { return x_queue.pop(x_history, x_now_s); });
   publish(outputs);
   return outputs;
 }
 
 std::vector<LocalizerOutput> Localizer::finish() {
   std::vector<LocalizerOutput> outputs;
-  for (;;) {
-    if (x_job) finishMatch();
-    const Sweep* sweep = x_queue.popAny();
-    if (sweep && started() && sweep->end_s > x_stamp_s) moveTo(sweep->end_s);
+  const auto end = [&] {
+    if (!x_job) return;
+    if (x_job->due_s > x_stamp_s) moveTo(x_job->due_s);
+    finishMatch();
+    publish(outputs);
+  };
+  end();
+  while (const Sweep* sweep = x_queue.popAny()) {
+    if (started() && sweep->end_s > x_stamp_s) moveTo(sweep->end_s);
     processAll(x_stamp_s, [&] { return std::exchange(sweep, nullptr); });
     publish(outputs);
-    if (!x_job && x_queue.empty()) return outputs;
+    end();
   }
+  return outputs;
 }
 
 template <class Next>
@@ -139,7 +147,8 @@ void Localizer::processAll(double now_s, const Next& next) {
     if (!sweep) return;
     if (!started())
       tryStart(*sweep);
-    else if (sweep->end_s > x_start->stamp_s && sweep->end_s > x_stamp_s - x_options.history.lag_s)
+    else if (sweep->end_s > x_start->stamp_s &&
+             sweep->end_s + x_options.history.lag_s > x_stamp_s + x_options.policy.match_delay_s)
       beginMatch(*sweep, now_s);
     else
       ++x_passed_over;
@@ -285,7 +294,7 @@ void Localizer::tryStart(const Sweep& sweep) {
   start(end_s, match->T_target_source, {end_s, x_place->receiver, true, to_fix_m});
   enter(end_s, planarFix(*match));
   believe(end_s, *match);
-  x_new_match = ScanMatch{end_s, match->T_target_source, *match, true, source.cloud, 0};
+  x_new_match = ScanMatch{end_s, match->T_target_source, *match, true, source.cloud, {}};
 }
 
 void Localizer::start(double stamp_s, const Pose& T_map_body, StartReport report) {
@@ -308,7 +317,6 @@ Pose Localizer::motionBetween(double from_s, double to_s) const {
 
 void Localizer::moveTo(double stamp_s) {
   constexpr double kUnknownSpeed_mps = 5;  // a speed that is only held: braked at 1 g for half a second
-  constexpr double kStanding_mps = 0.5;    // slower, the way is too short to have a direction
   const double duration_s = stamp_s - x_stamp_s;
   const Pose T_map_next = x_T_map_body * motionBetween(x_stamp_s, stamp_s);
   if (const auto rates = x_history.ratesBetween(x_stamp_s, stamp_s)) x_last_rates = *rates;
@@ -368,8 +376,8 @@ void Localizer::beginMatch(const Sweep& sweep, double now_s) {
     if (has_tiles)
       result.match =
           align(x_context, result.source, x_window.target(), T_guess, x_options.matching.registration);
-    result.walls = x_walls.detect(x_whole_scan, sweep.end_s, T_last_now);
     result.took_s = std::chrono::duration<double>(Clock::now() - begin).count();
+    result.walls = x_walls.detect(x_whole_scan, sweep.end_s, T_last_now);
     return result;
   };
   x_job = SweepJob{end_s, now_s + x_options.policy.match_delay_s,
@@ -377,12 +385,11 @@ void Localizer::beginMatch(const Sweep& sweep, double now_s) {
 }
 
 void Localizer::finishMatch() {
-  const double end_s = x_job->end_s;
-  SweepResult result = x_job->result.get();
-  x_job.reset();
+  SweepJob job = *std::exchange(x_job, std::nullopt);
+  SweepResult result = job.result.get();
   const WallScan walls = result.walls;
-  takeMatch(end_s, std::move(result));
-  guard(end_s, walls);
+  takeMatch(job.end_s, std::move(result));
+  guard(job.end_s, walls);
 }
 
 void Localizer::takeMatch(double end_s, SweepResult result) {
@@ -421,12 +428,12 @@ void Localizer::takeMatch(double end_s, SweepResult result) {
 }
 
 void Localizer::guard(double end_s, const WallScan& walls) {
-  constexpr double kStanding_mps = 0.5;
   const EstimatorState now = x_fusion->at(end_s);
   const LocalizationState state = integrityOf(now, poseAt(end_s, now.car)).state;
   const bool is_localized = state == LocalizationState::ok || state == LocalizationState::degraded;
-  const double speed_mps = std::max(0.0, x_last_rates.speed_mps);
-  const double curvature_per_m = speed_mps > kStanding_mps ? x_last_rates.yaw_rate_rps / speed_mps : 0;
+  const auto rates = x_history.ratesBetween(end_s, end_s).value_or(x_last_rates);
+  const double speed_mps = std::max(0.0, rates.speed_mps);
+  const double curvature_per_m = speed_mps > kStanding_mps ? rates.yaw_rate_rps / speed_mps : 0;
   x_new_walls =
       WallReport{walls, x_guard.update({end_s, is_localized, walls, {}, speed_mps, curvature_per_m}),
                  x_walls.cells(), x_walls.clusters()};
@@ -441,11 +448,14 @@ void Localizer::teachByEstimate() {
   constexpr double kEvery_s = 0.5, kJustConfirmed_s = 0.1;
   const EstimatorState& now = x_fusion->newest();
   const bool has_match = x_last_match && x_stamp_s - x_last_match->stamp_s < kMatchMemory_s;
-  if (has_match || now.stamp_s - now.confirmed_s > kJustConfirmed_s) {
+  const bool is_alone = now.stamp_s - now.confirmed_s > x_options.estimator.recovery.alone_s;
+  if (has_match || is_alone || !x_by_wheels || now.resets != x_lesson_resets) {
     x_last_lesson.reset();
+    x_lesson_resets = now.resets;
     return;
   }
-  if (x_last_lesson && x_stamp_s - x_last_lesson->stamp_s < kEvery_s) return;
+  const bool is_due = !x_last_lesson || x_stamp_s - x_last_lesson->stamp_s >= kEvery_s;
+  if (!is_due || now.stamp_s - now.confirmed_s > kJustConfirmed_s) return;
   const KnownPose here{x_stamp_s, x_T_map_body, covarianceOf(now.car)};
   if (x_last_lesson) teach(*x_last_lesson, here);
   x_last_lesson = here;

@@ -6,6 +6,7 @@
 #include <raceloc/gpu/context.h>
 
 #include <future>
+#include <limits>
 #include <map>
 #include <optional>
 #include <random>
@@ -79,7 +80,8 @@ struct ScanMatch {
   Registration match;
   bool trusted;
   Cloud scan_body;  ///< de-skewed, thinned: for pictures
-  double took_s;    ///< wall time from the sweep's samples to its pose: the one value that no two runs share
+  /** Wall time of preparation and match on the other thread, the one value that no two runs share; none at the start. */
+  std::optional<double> took_s;
 };
 
 /** What stands beside the car at the end of a sweep, and who should steer. */
@@ -115,7 +117,8 @@ struct LocalizerOutput {
  * rate are too small. Fixes of receivers and scan matches go into a history of fixed lag as they come (history.h).
  * A sweep is prepared, matched and looked through for walls on another thread, while outputs go on. What it tells
  * enters the history when the samples' time is match_delay_s past the one at which the sweep was whole: so the same log gives
- * the same bits, however long a match takes; only when it takes longer, the outputs wait for it.
+ * the same bits, however long a match takes; only when it takes longer, the outputs wait for it,
+ * as they do for the start and for a search. Walls and guard are of the sweep's end.
  * Start: a fix with a heading (the receiver's INS, or the course between two fixes at speed) says where to look, and
  * a scan match found around it says where the car is; only when no match is found for start_patience_s does the fix
  * start the filter alone. Before that there is no output. After search_after matches in a row that are not trusted, the
@@ -128,6 +131,7 @@ class Localizer {
   /** Keeps references to context and map; the context is its own while it is matching. \throws InputError if the gate's options contradict each other. */
   Localizer(gpu::Context& context, const MapFile& map, const LocalizerOptions& options);
 
+  /** Both throw what a match threw. */
   [[nodiscard]] std::vector<LocalizerOutput> add(const Sample& sample);
   [[nodiscard]] std::vector<LocalizerOutput> finish();  ///< what still waits, at the end of the stream
 
@@ -193,7 +197,8 @@ class Localizer {
   void believe(double stamp_s, const Registration& match);
   /** The motion between two known poses, for the calibration. */
   void teach(const KnownPose& from, const KnownPose& to);
-  /** While there is no match, what the receivers tell of speed and yaw rate is better than nothing. */
+  /** While there is no match, the estimate that the receivers hold tells what is wrong with speed and yaw rate: not
+   * independent of them, but they move it little over the time of a lesson. */
   void teachByEstimate();
   /** Of the right increment (rad, m): height, roll and pitch have the last match's errors; before the first one, what a
    * start leaves open. */
@@ -230,8 +235,9 @@ class Localizer {
   std::optional<WallReport> x_new_walls;
   MotionHistory x_history;
   gpu::Context& x_context;
-  double x_stamp_s = 0;      ///< of the newest control
-  double x_published_s = 0;  ///< of the newest output
+  double x_stamp_s = 0;                                       ///< of the newest control
+  double x_now_s = -std::numeric_limits<double>::infinity();  ///< newest stamp of the stream
+  double x_published_s = 0;                                   ///< of the newest output
   std::size_t x_passed_over = 0, x_searches = 0;
   MotionHistory::Rates x_last_rates{0, 0};
   std::map<std::string, Receiver> x_receivers;
@@ -248,6 +254,7 @@ class Localizer {
   std::mt19937 x_trial_engine;
   std::optional<double> x_height_above_road_m;  ///< of the rear axle
   int x_failed_matches = 0;                     ///< in a row
+  int x_lesson_resets = 0;                      ///< of the estimate that teaches
   bool x_by_wheels = true;
   std::optional<double> x_last_sweep_s;  ///< end of the one before
   std::optional<SweepJob> x_job;         ///< last: it uses the others, and ends before they do

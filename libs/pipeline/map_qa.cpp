@@ -124,15 +124,13 @@ std::vector<Stretch> stretches(const std::vector<StationQa>& stations, double sp
   return found;
 }
 
-/** The longest one; on a closed line the last may go on as the first. */
-double longest(const std::vector<Stretch>& stretches, const Stations& s) {
+/** The longest one without a fix; on a closed line the last may go on as the first. */
+double longestWithoutFix(const std::vector<Stretch>& stretches, const std::vector<StationQa>& stations,
+                         const Stations& s) {
   double longest_m = 0;
   for (const Stretch& stretch : stretches) longest_m = std::max(longest_m, stretch.end_m - stretch.begin_m);
-  const double end_m = s.count * s.spacing_m;
-  const bool goes_round =
-      s.closed && stretches.size() > 1 && stretches.front().begin_m == 0 && stretches.back().end_m == end_m;
-  return goes_round ? std::max(longest_m, stretches.front().end_m + end_m - stretches.back().begin_m)
-                    : longest_m;
+  if (!s.closed || stretches.size() < 2 || stations.front().fix || stations.back().fix) return longest_m;
+  return std::max(longest_m, stretches.front().end_m + s.count * s.spacing_m - stretches.back().begin_m);
 }
 
 /** Loops in a row along the line that are weak in a direction. */
@@ -378,7 +376,7 @@ QaResult qaOf(const MapContent& content, const MapReport& report, const QaOption
   qa.without_wall = stretches(qa.stations, s.spacing_m, [&](const StationQa& a) { return !wall(a); });
   qa.degenerate = stretches(qa.stations, s.spacing_m, degenerate);
   qa.without_fix = stretches(qa.stations, s.spacing_m, [](const StationQa& a) { return !a.fix; });
-  qa.longest_without_fix_m = longest(qa.without_fix, s);
+  qa.longest_without_fix_m = longestWithoutFix(qa.without_fix, qa.stations, s);
   const auto is_short = [&](const Stretch& a) { return a.end_m - a.begin_m <= options.max_gap_m; };
   qa.without_fix.erase(std::remove_if(qa.without_fix.begin(), qa.without_fix.end(), is_short),
                        qa.without_fix.end());

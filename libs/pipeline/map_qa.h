@@ -53,7 +53,7 @@ struct StationQa {
   double station_m;
   int passes;
   bool road, wall_left, wall_right;
-  bool fix;                         ///< a fix on some pass was believed
+  bool fix;                         ///< one was believed; on a lap: on some pass
   std::optional<Weakest> odometry;  ///< the weakest match of all passes
 };
 

@@ -14,7 +14,7 @@ void QaOptions::describe(OptionList& keys) {
   keys.add("min_passes", min_passes, {1, 1000}, "a map fails below: passes over each station");
   keys.add("max_gap_m", max_gap_m, above(0), "key poses farther apart than this are not one pass [m]");
   keys.add("max_way_without_fix_m", max_way_without_fix_m, above(0),
-           "a map fails above: way along the line without a believed fix on any pass, where only the LiDAR "
+           "a map fails above: way without a believed fix (on a lap: on any pass), where only the LiDAR "
            "holds it [m]");
   keys.add("min_road_share", min_road_share, between(0, 1),
            "a map fails below: share of stations with a road");

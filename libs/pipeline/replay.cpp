@@ -119,7 +119,7 @@ class Tally {
     ++x_report.scans;
     if (!output.scan_match->trusted) return;
     ++x_report.trusted_matches;
-    x_times_s.push_back(output.scan_match->took_s);
+    if (output.scan_match->took_s) x_times_s.push_back(*output.scan_match->took_s);
     x_residuals_m.push_back(output.scan_match->match.residual_m);
     x_shares.push_back(output.scan_match->match.inlier_share);
     x_iterations.push_back(output.scan_match->match.iterations);

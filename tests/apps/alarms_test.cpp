@@ -22,10 +22,11 @@ struct Turn {
   std::string state, cause;  ///< the cause contains this
 };
 
-std::vector<std::string> fieldsOf(const std::string& line) {
+/** The last of `count` fields may hold commas. */
+std::vector<std::string> fieldsOf(const std::string& line, std::size_t count) {
   std::vector<std::string> fields(1);
   for (const char c : line)
-    if (c == ',')
+    if (c == ',' && fields.size() < count)
       fields.emplace_back();
     else
       fields.back() += c;
@@ -33,25 +34,37 @@ std::vector<std::string> fieldsOf(const std::string& line) {
 }
 
 /** Lines of a CSV, without comments and the first. */
-std::vector<std::vector<std::string>> rowsOf(const std::string& path) {
+std::vector<std::vector<std::string>> rowsOf(const std::string& path, std::size_t fields) {
   std::istringstream text(readFile(path));
   std::vector<std::vector<std::string>> rows;
   for (std::string line; std::getline(text, line);)
-    if (!line.empty() && line.front() != '#') rows.push_back(fieldsOf(line));
+    if (!line.empty() && line.front() != '#') rows.push_back(fieldsOf(line, fields));
   if (!rows.empty()) rows.erase(rows.begin());
   return rows;
 }
 
-class Alarm : public ::testing::TestWithParam<const char*> {};
+/** While sources that are right are left, the project's bound; else 1 % of 4 s at up to 27 m/s, and the error at their begin. */
+constexpr double kHeld_m = 0.30, kDeadReckoned_m = 1.2;
+struct AlarmCase {
+  const char* name;
+  double worst_m;
+};
+class Alarm : public ::testing::TestWithParam<AlarmCase> {};
 INSTANTIATE_TEST_SUITE_P(Faults, Alarm,
-                         ::testing::Values("gps_step", "gps_ramp", "gps_noise", "gps_outage", "lidar_off",
-                                           "all_sources", "leap_together", "wheel_lock", "imu_frozen"),
-                         [](const auto& name) { return std::string(name.param); });
+                         ::testing::Values(AlarmCase{"gps_step", kHeld_m}, AlarmCase{"gps_ramp", kHeld_m},
+                                           AlarmCase{"gps_noise", kHeld_m}, AlarmCase{"gps_outage", kHeld_m},
+                                           AlarmCase{"lidar_off", kHeld_m},
+                                           AlarmCase{"all_sources", kDeadReckoned_m},
+                                           AlarmCase{"leap_together", kDeadReckoned_m},
+                                           AlarmCase{"wheel_lock", kHeld_m},
+                                           AlarmCase{"imu_frozen", kHeld_m}),
+                         [](const auto& info) { return std::string(info.param.name); });
+void PrintTo(const AlarmCase& alarm, std::ostream* out) { *out << alarm.name; }
 
 TEST_P(Alarm, ComesAndGoesAtTheStatedTimes) {
   const TemporaryFolder out;
   const DriveFiles drive("alarms");
-  const std::string name = GetParam();
+  const std::string name = GetParam().name;
   require(runCommand({app("raceloc-sim"), "inject", "--faults", kExpected + name + ".ini", "-i", drive.race(),
                       "-o", out / "bad.rawlog"}));
   require(runCommand({app("raceloc-live"), "-c", ini("live.ini"), "-m", drive.map(), "-i", out / "bad.rawlog",
@@ -60,14 +73,14 @@ TEST_P(Alarm, ComesAndGoesAtTheStatedTimes) {
                       out / "race.tum", "--json", out / "figures.json"}));
 
   std::vector<Turn> turns;
-  for (const auto& row : rowsOf(kExpected + name + ".csv")) {
+  for (const auto& row : rowsOf(kExpected + name + ".csv", 4)) {
     ASSERT_EQ(row.size(), 4);
     turns.push_back({std::stod(row[0]), std::stod(row[1]), row[2], row[3]});
   }
   ASSERT_GE(turns.size(), 2);
   const double start_s = readTrajectoryFile(drive.folder + "race_truth.tum").trajectory.poses.front().stamp_s;
   std::size_t judged = 0;
-  for (const auto& row : rowsOf(out / "own.csv")) {
+  for (const auto& row : rowsOf(out / "own.csv", 15)) {
     const double t = std::stod(row.front()) - start_s;
     const auto next =
         std::find_if(turns.begin(), turns.end(), [&](const Turn& turn) { return turn.from_s > t; });
@@ -80,8 +93,7 @@ TEST_P(Alarm, ComesAndGoesAtTheStatedTimes) {
   EXPECT_GT(judged, 800) << "outputs, of 15 s at 100 Hz less the spans in which the state turns";
 
   const auto figures = nlohmann::json::parse(readFile(out / "figures.json"));
-  // Of 4 s of dead reckoning at up to 27 m/s, 1 % and the error at its begin.
-  EXPECT_LT(figures.at("errors").at("position_plane_m").at("max"), 1.2);
+  EXPECT_LT(figures.at("errors").at("position_plane_m").at("max"), GetParam().worst_m);
 }
 
 }  // namespace

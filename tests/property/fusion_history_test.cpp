@@ -332,6 +332,24 @@ TEST(FusionHistory, ReceiversThatLeapTogetherAreNoTwoKeysUntilTheyInsist) {
   }
 }
 
+TEST(FusionHistory, ALeapIsNotForgottenOverASilenceNorASecondLeap) {
+  const auto silent = [](TimedFix& fix, Random&) {
+    if (fix.fix.source == "scan_match" && fix.stamp_s >= 5) return false;
+    if (within(fix, 5, 13)) fix.fix.p_map_m.x() += 20;
+    return !within(fix, 6, 6.7);
+  };
+  const auto further = [](TimedFix& fix, Random&) {
+    if (fix.fix.source == "scan_match" && fix.stamp_s >= 5) return false;
+    if (within(fix, 5, 13)) fix.fix.p_map_m.x() += fix.stamp_s < 6 ? 20 : 30;
+    return true;
+  };
+  for (const Fault& fault : {Fault(silent), Fault(further)}) {
+    const Course r = driven(16, 1, fault, 0.005);
+    EXPECT_LT(r.worst_m(5, 13), 0.01 * kSpeed_mps * 8);
+    EXPECT_LT(r.worst_m(14, 16), 0.30);
+  }
+}
+
 TEST(FusionHistory, OneSourceAloneNeverMovesALostEstimate) {
   const auto one_returns_elsewhere = [](TimedFix& fix, Random&) {
     if (!within(fix, 5, 30)) return true;
