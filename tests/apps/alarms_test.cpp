@@ -58,7 +58,7 @@ INSTANTIATE_TEST_SUITE_P(Faults, Alarm,
                                            AlarmCase{"leap_together", kDeadReckoned_m},
                                            AlarmCase{"wheel_lock", kHeld_m},
                                            AlarmCase{"imu_frozen", kHeld_m}),
-                         [](const auto& info) { return std::string(info.param.name); });
+                         [](const auto& alarm) { return std::string(alarm.param.name); });
 void PrintTo(const AlarmCase& alarm, std::ostream* out) { *out << alarm.name; }
 
 TEST_P(Alarm, ComesAndGoesAtTheStatedTimes) {
