@@ -77,7 +77,7 @@ TEST_P(Car, KeepsToItsTyresAndItsLine) {
   const double end_s = 1.1 * lap.profile.lap_s();
   while (lap.car.state().time_s < end_s) {
     lap.car.step();
-    const CarState& x = lap.car.state();
+    const RaceCarState& x = lap.car.state();
     ASSERT_LE(x.front_friction_use, 1 + 1e-12) << x.s_m;
     ASSERT_LE(x.rear_friction_use, 1 + 1e-12) << x.s_m;
     ASSERT_LT(x.forward_mps, lap.circuit.pace.top_speed_mps + 0.5) << x.s_m;
@@ -111,14 +111,14 @@ TEST_P(Car, ForcesThatItsMotionTellsOfAreWithinFriction) {
   const double end_s = 0.7 * lap.profile.lap_s(), h_s = 0.005;
   lap.driveUntil(end_s);
   const auto centre_map = [&](double time_s) -> Vector3d {
-    const CarState x = lap.motion.state(time_s);
+    const RaceCarState x = lap.motion.state(time_s);
     return lap.circuit.track.surface(x.s_m, x.n_m).T_map_surface *
            (Eigen::AngleAxisd(x.heading_rad, Vector3d::UnitZ()) *
             Vector3d(car.wheelbase_m - car.front_m, 0, 0));
   };
   double largest_use = 0;
   for (double t = 1; t < end_s - 1; t += 0.05) {
-    const CarState x = lap.motion.state(t);
+    const RaceCarState x = lap.motion.state(t);
     const Eigen::Matrix3d R_map_car = lap.circuit.track.surface(x.s_m, x.n_m).T_map_surface.linear() *
                                       Eigen::AngleAxisd(x.heading_rad, Vector3d::UnitZ()).toRotationMatrix();
     const Vector3d acceleration =
@@ -144,11 +144,11 @@ TEST_P(Car, CourseIsHeadingPlusSideslip) {
     // In the plane of the road, from positions alone. The axle moves with the body's heave and lean, so take the
     // place on the road.
     const auto on_road = [&](double time_s) {
-      const CarState x = lap.motion.state(time_s);
+      const RaceCarState x = lap.motion.state(time_s);
       return lap.circuit.track.surface(x.s_m, x.n_m).T_map_surface;
     };
     const double dt_s = 0.01;
-    const CarState x = lap.motion.state(t);
+    const RaceCarState x = lap.motion.state(t);
     const Pose T_map_road = on_road(t) * Eigen::AngleAxisd(x.heading_rad, Vector3d::UnitZ());
     const Vector3d step =
         T_map_road.linear().transpose() * (on_road(t + dt_s).translation() - on_road(t - dt_s).translation());
@@ -236,7 +236,7 @@ TEST(TrueMotionProperty, SpecificForceInATurnIsWhatTheTyresGive) {
   const double rear_m = lap.file.car.wheelbase_m - lap.file.car.front_m;
   const Vector3d centre(rear_m, 0, 0);
   for (double t = 2; t < lap.profile.lap_s() - 1; t += 0.01) {
-    const CarState x = lap.motion.state(t);
+    const RaceCarState x = lap.motion.state(t);
     const Vector3d force = lap.motion.specificForce_body_mps2(t, centre);
     along.add(force.x() - x.forward_mps2);
     across.add(force.y() - x.leftward_mps2);
@@ -536,7 +536,7 @@ TEST(VehicleProperty, NoiseAndBiasAreAsStated) {
   for (std::uint64_t number = 0; number < 3000; ++number) {
     const double time_s = 0.5 + 0.01 * static_cast<double>(number);
     const MotionSample sample = vehicle.measure(lap.motion, time_s, number);
-    const CarState x = lap.motion.state(time_s);
+    const RaceCarState x = lap.motion.state(time_s);
     speed.add(sample.speed_mps - vehicle.speedScale() * (1 + x.wheel_slip) * x.forward_mps);
     steering.add(*sample.steering_rad - x.steering_rad - vehicle.steeringOffset_rad());
     yaw_rate.add(sample.yaw_rate_rps - lap.motion.gyro_body_rps(time_s).z() - vehicle.yawRateBias_rps());
