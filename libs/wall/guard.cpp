@@ -1,0 +1,1 @@
+#include "wall/guard.h"
