@@ -1,0 +1,392 @@
+#include "cli/closed_loop.h"
+
+#include <algorithm>
+#include <cmath>
+#include <functional>
+#include <limits>
+
+#include "cli/loop_localizer.h"
+#include "cloud/deskew.h"
+#include "core/labels.h"
+#include "sim/faults.h"
+#include "sim/path_tracker.h"
+#include "sim/scenery.h"
+#include "sim/wall_gap.h"
+
+namespace raceloc {
+
+namespace {
+
+constexpr double kTick_s = 0.01;             // of the control loop
+constexpr std::uint64_t kStepsPerTick = 10;  // of the car
+constexpr std::uint64_t kTicksBack = 1;      // sensors measure then: the true motion must be known around it
+constexpr double kMeasured_s = kTicksBack * kTick_s;
+constexpr std::uint64_t kTicksPerScan = 10;
+constexpr double kScan_s = kTicksPerScan * kTick_s;
+constexpr double kSettle_s = 0.3;         // the simulated driver steers until sensors and scans are there
+constexpr double kHorizon_s = 2;          // of the line that the guard is told
+constexpr double kNear_m = 20;            // of the line that the tracker needs
+constexpr double kScanLatency_s = 0.04;   // of the LiDAR, and of finding the wall
+constexpr double kMatchLatency_s = 0.06;  // of a scan match
+constexpr double kMatchSigma_m = 0.03, kMatchSigma_rad = 0.05 * kDegree;
+constexpr double kNone = std::numeric_limits<double>::quiet_NaN();
+
+/** A line of the circuit in the frame of a car that is, or believes to be, at (x, y, theta) on the road; empty when that
+ * is not near the road. The road must be level along its centre line: it leans to the side only. */
+Path linePath(const Track& track, const RacingLine& line, const Eigen::Vector3d& x_y_theta, double ahead_m) {
+  const double z_m = track.at(0).T_map_road.translation().z();
+  const auto place = track.locate({x_y_theta.x(), x_y_theta.y(), z_m});
+  if (!place) return {};
+  // Seen from above, what lies across the road is shorter than it is in the surface.
+  const RoadFrame road = track.at(place->s_m);
+  const Eigen::Vector2d left = road.T_map_road.linear().col(1).head<2>();
+  const double n_m =
+      (x_y_theta.head<2>() - road.T_map_road.translation().head<2>()).dot(left) / left.squaredNorm();
+  const Pose T_map_surface = track.surface(place->s_m, n_m).T_map_surface;
+  const double turn_rad = x_y_theta.z() - yawOf(T_map_surface);
+  const double heading_rad = std::atan2(std::sin(turn_rad), left.norm() * std::cos(turn_rad));
+  const Pose T_body_map =
+      (T_map_surface * Eigen::AngleAxisd(heading_rad, Eigen::Vector3d::UnitZ())).inverse();
+
+  constexpr double kStep_m = 1, kBehind_m = 5;
+  Path path;
+  for (double s_m = -kBehind_m; s_m <= ahead_m; s_m += kStep_m) {
+    const auto point = line.at(place->s_m + s_m);
+    const Pose T_body_point = T_body_map * track.surface(place->s_m + s_m, point.n_m).T_map_surface;
+    const Eigen::Vector3d p_m = T_body_point.translation();
+    const double length_m =
+        path.empty() ? 0 : path.back().s_m + std::hypot(p_m.x() - path.back().x_m, p_m.y() - path.back().y_m);
+    path.push_back(
+        {length_m, p_m.x(), p_m.y(), yawOf(T_body_point) + point.direction_rad, point.curvature_per_m});
+  }
+  return path;
+}
+
+/** A path as it lies about a car. \param path  at least one point \param up_body  in the car's axes */
+PathAhead aheadOn(const Path& path, const Pose& T_path_body, double speed_mps,
+                  const Eigen::Vector3d& up_body) {
+  const Eigen::Vector2d p_m = T_path_body.translation().head<2>();
+  const auto fromCar_m2 = [&](const PathPoint& q) {
+    return (Eigen::Vector2d(q.x_m, q.y_m) - p_m).squaredNorm();
+  };
+  const auto near = std::min_element(path.begin(), path.end(), [&](const PathPoint& a, const PathPoint& b) {
+    return fromCar_m2(a) < fromCar_m2(b);
+  });
+  const Eigen::Vector2d off_m =
+      Eigen::Rotation2Dd(-near->heading_rad) * (p_m - Eigen::Vector2d(near->x_m, near->y_m));
+  const double soon_m = near->s_m + off_m.x() + speed_mps * kReaction_s;
+  const auto soon =
+      std::find_if(near, std::prev(path.end()), [&](const PathPoint& q) { return q.s_m >= soon_m; });
+  const double curvature = soon->curvature_per_m;
+  return {off_m.y() - 0.5 * near->curvature_per_m * off_m.x() * off_m.x(),
+          yawOf(T_path_body),
+          near->heading_rad + near->curvature_per_m * off_m.x(),
+          curvature,
+          -curvature * up_body.y() / up_body.z(),
+          up_body.y(),
+          up_body.z()};
+}
+
+EstimatorOptions estimatorOf(Belief belief) {
+  EstimatorOptions options;
+  if (belief != Belief::every_source) return options;
+  constexpr double kNever = 1e9;
+  options.gate.delta_m = kNever;
+  options.reliability.separation_m = kNever;
+  options.reliability.inflate_from = kNever;
+  options.reliability.confirm_false_alarm = 1e-12;
+  return options;
+}
+
+/** Scans to walls, as the module in the car makes them. */
+class WallFinder {
+ public:
+  explicit WallFinder(const WallOptions& options) : x_detector(x_context, options) {}
+  WallScan look(std::vector<Scan> scans, const LoopLocalizer& localizer) {
+    const Sweep sweep = sweepOf(std::move(scans));
+    const auto poses = localizer.motion().sweep(sweep.begin_s, sweep.end_s);
+    Vector6d twist = Vector6d::Zero();
+    twist(2) = localizer.rates().yaw_rate_rps;
+    twist(3) = localizer.rates().speed_mps;
+    const DeskewedScan scan =
+        deskew(x_context, sweep, poses ? *poses : steadySweep(twist, sweep.end_s - sweep.begin_s), x_crop);
+    const Pose T_last_now = x_last_s ? localizer.between(*x_last_s, scan.stamp_s) : Pose::Identity();
+    x_last_s = scan.stamp_s;
+    return x_detector.detect(scan.cloud, scan.stamp_s, T_last_now);
+  }
+
+ private:
+  static CropOptions nearCrop() {
+    CropOptions crop;
+    crop.min_range_m = 0.5;  // the wall beside the car is what counts
+    return crop;
+  }
+  gpu::Context x_context{gpu::Backend::cpu};
+  WallDetector x_detector;
+  CropOptions x_crop = nearCrop();
+  std::optional<double> x_last_s;
+};
+
+/** One drive: the car, what it measures, what it makes of that, and how it steers. */
+class LoopDrive {
+ public:
+  LoopDrive(const Circuit& circuit, const CarFile& file, const World& world, const RacingLine& told,
+            const ClosedLoopOptions& options, const GuardOptions& guard, const WallPathOptions& wall_path)
+      : x_circuit(circuit),
+        x_file(file),
+        x_world(world),
+        x_told(told),
+        x_options(options),
+        x_guard_options(guard),
+        x_profile(circuit.track, told, file.car, file.driver, circuit.pace),
+        x_nobody(circuit.track, told, x_profile, file.car, 0, options.seed),
+        x_car(circuit.track, told, x_profile, file.car, file.driver, x_profile.at(options.from_m).speed_mps,
+              options.seed, options.from_m),
+        x_motion(circuit.track, file.car, 1),
+        x_imu(file.imus.front().second, file.imus.front().first, options.seed),
+        x_vehicle(file.vehicles.front().second, file.vehicles.front().first, options.seed),
+        x_match_noise(options.seed, kMatchLabel),
+        x_injector(allDriftOff(), kStartStamp_s, options.seed),
+        x_localizer(bodyPose(circuit.track, file.car, x_car.state()), kStartStamp_s,
+                    x_car.state().forward_mps, estimatorOf(options.belief)),
+        x_finder(WallOptions()),
+        x_guard(guard, wall_path),
+        x_handover(guard) {
+    for (auto [label, device] : file.lidars) {
+      device.rate_hz = 1 / kScan_s;
+      x_lidars.emplace_back(device, label, options.seed);
+    }
+    for (const auto& [label, device] : file.gps) x_receivers.emplace_back(device, label, options.seed);
+    x_motion.add(x_car.state());
+  }
+
+  ClosedLoopDrive run() {
+    ClosedLoopDrive drive;
+    const auto ticks = static_cast<std::uint64_t>(std::round(x_options.duration_s / kTick_s));
+    for (std::uint64_t tick = 1; tick <= ticks; ++tick) {
+      const double now_s = static_cast<double>(tick) * kTick_s;
+      for (std::uint64_t k = 0; k < kStepsPerTick; ++k) {
+        if (now_s <= kSettle_s)
+          x_car.step();
+        else
+          x_car.stepSteered(x_command_rad);
+        x_motion.add(x_car.state());
+      }
+      if (tick > kTicksBack) measure(tick, now_s - kMeasured_s);
+      while (auto sample = x_samples.pop(now_s)) x_localizer.add(sample->second);
+      while (auto scans = x_sweeps.pop(now_s)) decide(std::move(scans->second));
+      steer(now_s);
+      drive.rows.push_back(row(now_s));
+      if (drive.hasHit()) break;
+    }
+    return drive;
+  }
+
+ private:
+  /** All receivers and the scan match, to the left of the road where the car is when it begins. */
+  [[nodiscard]] std::vector<Fault> allDriftOff() const {
+    std::vector<Fault> faults;
+    if (!(x_options.fail_for_s > 0)) return faults;
+    const double there_m = x_options.from_m + x_options.fail_at_s * x_profile.at(x_options.from_m).speed_mps;
+    const double direction_deg = yawOf(x_circuit.track.at(there_m).T_map_road) / kDegree + 90;
+    const auto add = [&](const std::string& source) {
+      Fault fault;
+      fault.section = "fault_" + source;
+      fault.kind = FaultKind::gps_ramp;
+      fault.labels = source;
+      fault.from_s = x_options.fail_at_s;
+      fault.to_s = x_options.fail_at_s + x_options.fail_for_s;
+      fault.rate_mps = x_options.drift_mps * (1 + 0.5 * static_cast<double>(faults.size()));
+      fault.direction_deg = direction_deg;
+      faults.push_back(fault);
+    };
+    for (const auto& device : x_file.gps) add(device.first);
+    add(kMatchLabel);
+    return faults;
+  }
+
+  void deliver(double arrival_s, Sample sample) {
+    for (auto& delivery : x_injector.apply({arrival_s, std::move(sample)}))
+      x_samples.push(delivery.arrival_s, std::move(delivery.sample));
+  }
+
+  void measure(std::uint64_t tick, double time_s) {
+    deliver(time_s, x_imu.measure(x_motion, time_s, tick));
+    deliver(time_s, x_vehicle.measure(x_motion, time_s, tick));
+    for (std::size_t i = 0; i < x_receivers.size(); ++i) {
+      const auto& device = x_file.gps[i].second;
+      const auto every =
+          static_cast<std::uint64_t>(std::max(1.0, std::round(1 / (device.rate_hz * kTick_s))));
+      if (tick % every == 0)
+        deliver(time_s + device.latency_s, *x_receivers[i].measure(x_motion, time_s, tick / every).pose);
+    }
+    if (tick % kTicksPerScan != kTicksBack) return;
+    const std::uint64_t scan = tick / kTicksPerScan;
+    deliver(time_s + kMatchLatency_s, match(time_s, scan));
+    if (x_options.belief != Belief::gate_and_wall || time_s < kScan_s) return;
+    std::vector<Scan> scans;
+    scans.reserve(x_lidars.size());
+    for (const auto& lidar : x_lidars)
+      scans.push_back(lidar.sweep(x_motion, x_world, x_nobody, time_s - kScan_s, scan));
+    x_sweeps.push(time_s + kScanLatency_s, std::move(scans));
+  }
+
+  /** What a scan match would say. */
+  [[nodiscard]] InsPose match(double time_s, std::uint64_t number) const {
+    Vector6d sigma;
+    sigma << Eigen::Vector3d::Constant(kMatchSigma_rad), Eigen::Vector3d::Constant(kMatchSigma_m);
+    Vector6d error;
+    for (int k = 0; k < 6; ++k)
+      error(k) = sigma(k) * x_match_noise.normal(6 * number + static_cast<std::uint64_t>(k));
+    return {kStartStamp_s + time_s, kMatchLabel, x_motion.T_map_body(time_s) * se3Exp(error),
+            sigma.cwiseAbs2().asDiagonal()};
+  }
+
+  /** The line that the car is told, in its own frame: where it believes to be. */
+  [[nodiscard]] Path toldPath(double stamp_s, double ahead_m) {
+    return linePath(x_circuit.track, x_told, x_localizer.at(stamp_s).mean.head<3>(), ahead_m);
+  }
+
+  void decide(std::vector<Scan> scans) {
+    const WallScan walls = x_finder.look(std::move(scans), x_localizer);
+    const auto [speed_mps, yaw_rate_rps] = x_localizer.rates();
+    x_decided = x_guard.update({walls.stamp_s, !x_localizer.alarm(), walls,
+                                toldPath(walls.stamp_s, kHorizon_s * speed_mps), speed_mps,
+                                yaw_rate_rps / std::max(1.0, speed_mps)});
+    x_decided_s = walls.stamp_s;
+    const auto& wall = walls.on(x_guard_options.side);
+    x_seen_gap_m = wall ? wall->distance_m() : kNone;
+  }
+
+  void steer(double now_s) {
+    const double stamp_s = kStartStamp_s + now_s;
+    const auto [speed_mps, yaw_rate_rps] = x_localizer.rates();
+    const bool by_wall = x_decided && x_decided->path;
+    const Path path = by_wall ? x_decided->path->points : toldPath(stamp_s, kNear_m);
+    if (!path.empty()) {
+      const Pose T_path_body = by_wall ? x_localizer.between(x_decided_s, stamp_s) : Pose::Identity();
+      x_command_rad = wantedSteering(aheadOn(path, T_path_body, speed_mps, x_localizer.up_body()), speed_mps,
+                                     yaw_rate_rps, x_file.car, x_file.driver);
+    }
+    if (x_options.belief == Belief::gate_and_wall)
+      x_command_rad = x_handover.steer(x_guard.state(), x_command_rad, kTick_s);
+  }
+
+  [[nodiscard]] ClosedLoopRow row(double now_s) {
+    const RaceCarState& car = x_car.state();
+    const Pose T_map_body = bodyPose(x_circuit.track, x_file.car, car);
+    const Eigen::Vector2d believed_m = x_localizer.at(kStartStamp_s + now_s).mean.head<2>();
+    const Eigen::Vector2d off_m =
+        Eigen::Rotation2Dd(-yawOf(T_map_body)) * (believed_m - T_map_body.translation().head<2>());
+    return {now_s,
+            car.s_m,
+            car.forward_mps,
+            x_command_rad,
+            wheelToWall_m(x_circuit, x_file.car, car),
+            wallGap_m(x_circuit, car.s_m, car.n_m, x_guard_options.side).value_or(kNone),
+            off_m.y(),
+            x_localizer.alarm(),
+            x_guard.state(),
+            x_seen_gap_m};
+  }
+
+  const Circuit& x_circuit;
+  const CarFile& x_file;
+  const World& x_world;
+  const RacingLine& x_told;
+  ClosedLoopOptions x_options;
+  GuardOptions x_guard_options;
+  SpeedProfile x_profile;
+  Traffic x_nobody;
+  RaceCar x_car;
+  TrueMotion x_motion;
+  ImuModel x_imu;
+  VehicleModel x_vehicle;
+  Noise x_match_noise;
+  std::vector<GpsModel> x_receivers;
+  std::vector<LidarModel> x_lidars;
+  FaultInjector x_injector;
+  LoopLocalizer x_localizer;
+  WallFinder x_finder;
+  Guard x_guard;
+  SteeringHandover x_handover;
+  ArrivalQueue<Sample> x_samples;
+  ArrivalQueue<std::vector<Scan>> x_sweeps;
+  std::optional<GuardOutput> x_decided;  ///< on the newest scan ...
+  double x_decided_s = 0;                ///< ... whose stamp and body frame its path has
+  double x_seen_gap_m = kNone;
+  double x_command_rad = 0;
+};
+
+}  // namespace
+
+const char* nameOf(Belief belief) {
+  switch (belief) {
+    case Belief::every_source:
+      return "every source believed";
+    case Belief::gate:
+      return "gate, then dead reckoning";
+    case Belief::gate_and_wall:
+      return "gate, then the wall";
+  }
+  return "?";
+}
+
+ClosedLoop::ClosedLoop(const Circuit& circuit, const CarFile& car, const std::string& lidars,
+                       std::uint64_t seed)
+    : x_circuit(circuit), x_car(car), x_world(sceneryMesh(circuit, seed)) {
+  (void)car.devices(lidars);  // throws when a pattern fits none
+  x_car.lidars.clear();
+  for (const auto& device : car.lidars)
+    if (matchesLabel(lidars, device.first)) x_car.lidars.push_back(device);
+  x_car.driver.wander_m = 0;
+  if (x_car.gps.empty() || x_car.imus.empty() || x_car.vehicles.empty() || x_car.lidars.empty())
+    throw InputError("car " + car.path + ": a closed loop needs a receiver, an IMU, a vehicle and a LiDAR");
+  for (const auto& [label, gps] : x_car.gps)
+    if (gps.heading != Heading::body)
+      throw InputError("car " + car.path + ": [" + label + "] a closed loop needs heading = body");
+}
+
+ClosedLoopDrive ClosedLoop::drive(const RacingLine& told, const ClosedLoopOptions& options,
+                                  const GuardOptions& guard, const WallPathOptions& wall_path) const {
+  return LoopDrive(x_circuit, x_car, x_world, told, options, guard, wall_path).run();
+}
+
+namespace {
+
+/** An offset for each 5 m or so of the centre line. */
+template <class Offset>
+RacingLine lineOf(const Track& track, Offset offset_m) {
+  constexpr double kStep_m = 5;
+  const auto knots = static_cast<std::size_t>(std::max(8.0, std::round(track.length_m() / kStep_m)));
+  std::vector<double> n_m;
+  n_m.reserve(knots);
+  for (std::size_t i = 0; i < knots; ++i)
+    n_m.push_back(offset_m(track.length_m() * static_cast<double>(i) / static_cast<double>(knots)));
+  return {track, n_m};
+}
+
+}  // namespace
+
+RacingLine lineAlongWall(const Circuit& circuit, Side side, double gap_m) {
+  return lineOf(circuit.track, [&](double s_m) {
+    const auto from_centre_m = wallGap_m(circuit, s_m, 0, side);
+    if (!from_centre_m)
+      throw InputError("track " + circuit.path + ": no wall on that side at station " + std::to_string(s_m) +
+                       " m");
+    return (side == Side::left ? 1 : -1) * (*from_centre_m - gap_m);
+  });
+}
+
+RacingLine shiftedLine(const Track& track, const RacingLine& line, double from_m, double to_m, double ramp_m,
+                       double shift_m) {
+  const auto smooth = [](double x) {  // no jump of direction or curvature
+    const double t = std::clamp(x, 0.0, 1.0);
+    return t * t * t * (10 - t * (15 - 6 * t));
+  };
+  return lineOf(track, [&](double s_m) {
+    return line.at(s_m).n_m - shift_m * smooth((s_m - from_m) / ramp_m) * smooth((to_m - s_m) / ramp_m);
+  });
+}
+
+}  // namespace raceloc
