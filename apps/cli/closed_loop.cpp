@@ -87,17 +87,6 @@ PathAhead aheadOn(const Path& path, const Pose& T_path_body, double speed_mps,
           up_body.z()};
 }
 
-EstimatorOptions estimatorOf(Belief belief) {
-  EstimatorOptions options;
-  if (belief != Belief::every_source) return options;
-  constexpr double kNever = 1e9;
-  options.gate.delta_m = kNever;
-  options.reliability.separation_m = kNever;
-  options.reliability.inflate_from = kNever;
-  options.reliability.confirm_false_alarm = 1e-12;
-  return options;
-}
-
 /** Scans to walls, as the module in the car makes them. */
 class WallFinder {
  public:
@@ -146,9 +135,9 @@ class LoopDrive {
         x_imu(file.imus.front().second, file.imus.front().first, options.seed),
         x_vehicle(file.vehicles.front().second, file.vehicles.front().first, options.seed),
         x_match_noise(options.seed, kMatchLabel),
-        x_injector(allDriftOff(), kStartStamp_s, options.seed),
+        x_injector(options.faults, kStartStamp_s, options.seed),
         x_localizer(bodyPose(circuit.track, file.car, x_car.state()), kStartStamp_s,
-                    x_car.state().forward_mps, estimatorOf(options.belief)),
+                    x_car.state().forward_mps, EstimatorOptions()),
         x_finder(WallOptions()),
         x_guard(guard, wall_path),
         x_handover(guard) {
@@ -166,7 +155,7 @@ class LoopDrive {
     for (std::uint64_t tick = 1; tick <= ticks; ++tick) {
       const double now_s = static_cast<double>(tick) * kTick_s;
       for (std::uint64_t k = 0; k < kStepsPerTick; ++k) {
-        if (now_s <= kSettle_s)
+        if (now_s <= kSettle_s)  // nothing was commanded before
           x_car.step();
         else
           x_car.stepSteered(x_command_rad);
@@ -175,7 +164,10 @@ class LoopDrive {
       if (tick > kTicksBack) measure(tick, now_s - kMeasured_s);
       while (auto sample = x_samples.pop(now_s)) x_localizer.add(sample->second);
       while (auto scans = x_sweeps.pop(now_s)) decide(std::move(scans->second));
-      steer(now_s);
+      if (now_s >= kSettle_s)
+        steer(now_s);
+      else
+        x_command_rad = x_car.state().steering_rad;
       drive.rows.push_back(row(now_s));
       if (drive.hasHit()) break;
     }
@@ -183,28 +175,6 @@ class LoopDrive {
   }
 
  private:
-  /** All receivers and the scan match, to the left of the road where the car is when it begins. */
-  [[nodiscard]] std::vector<Fault> allDriftOff() const {
-    std::vector<Fault> faults;
-    if (!(x_options.fail_for_s > 0)) return faults;
-    const double there_m = x_options.from_m + x_options.fail_at_s * x_profile.at(x_options.from_m).speed_mps;
-    const double direction_deg = yawOf(x_circuit.track.at(there_m).T_map_road) / kDegree + 90;
-    const auto add = [&](const std::string& source) {
-      Fault fault;
-      fault.section = "fault_" + source;
-      fault.kind = FaultKind::gps_ramp;
-      fault.labels = source;
-      fault.from_s = x_options.fail_at_s;
-      fault.to_s = x_options.fail_at_s + x_options.fail_for_s;
-      fault.rate_mps = x_options.drift_mps * (1 + 0.5 * static_cast<double>(faults.size()));
-      fault.direction_deg = direction_deg;
-      faults.push_back(fault);
-    };
-    for (const auto& device : x_file.gps) add(device.first);
-    add(kMatchLabel);
-    return faults;
-  }
-
   void deliver(double arrival_s, Sample sample) {
     for (auto& delivery : x_injector.apply({arrival_s, std::move(sample)}))
       x_samples.push(delivery.arrival_s, std::move(delivery.sample));
@@ -223,7 +193,7 @@ class LoopDrive {
     if (tick % kTicksPerScan != kTicksBack) return;
     const std::uint64_t scan = tick / kTicksPerScan;
     deliver(time_s + kMatchLatency_s, match(time_s, scan));
-    if (x_options.belief != Belief::gate_and_wall || time_s < kScan_s) return;
+    if (!x_options.is_guarded || time_s < kScan_s) return;
     std::vector<Scan> scans;
     scans.reserve(x_lidars.size());
     for (const auto& lidar : x_lidars)
@@ -268,8 +238,7 @@ class LoopDrive {
       x_command_rad = wantedSteering(aheadOn(path, T_path_body, speed_mps, x_localizer.up_body()), speed_mps,
                                      yaw_rate_rps, x_file.car, x_file.driver);
     }
-    if (x_options.belief == Belief::gate_and_wall)
-      x_command_rad = x_handover.steer(x_guard.state(), x_command_rad, kTick_s);
+    if (x_options.is_guarded) x_command_rad = x_handover.steer(x_guard.state(), x_command_rad, kTick_s);
   }
 
   [[nodiscard]] ClosedLoopRow row(double now_s) {
@@ -320,21 +289,33 @@ class LoopDrive {
 
 }  // namespace
 
-const char* nameOf(Belief belief) {
-  switch (belief) {
-    case Belief::every_source:
-      return "every source believed";
-    case Belief::gate:
-      return "gate, then dead reckoning";
-    case Belief::gate_and_wall:
-      return "gate, then the wall";
-  }
-  return "?";
+std::vector<Fault> everySourceDrifts(const Track& track, const CarFile& car, double there_m, double from_s,
+                                     double to_s, double drift_mps) {
+  std::vector<Fault> faults;
+  const auto add = [&](const std::string& source) {
+    Fault fault;
+    fault.section = "fault_" + source;
+    fault.kind = FaultKind::gps_ramp;
+    fault.labels = source;
+    fault.from_s = from_s;
+    fault.to_s = to_s;
+    fault.rate_mps = drift_mps * (1 + 0.5 * static_cast<double>(faults.size()));
+    fault.direction_deg = yawOf(track.at(there_m).T_map_road) / kDegree + 90;
+    faults.push_back(fault);
+  };
+  for (const auto& device : car.gps) add(device.first);
+  add(kMatchLabel);
+  return faults;
 }
 
 ClosedLoop::ClosedLoop(const Circuit& circuit, const CarFile& car, const std::string& lidars,
                        std::uint64_t seed)
     : x_circuit(circuit), x_car(car), x_world(sceneryMesh(circuit, seed)) {
+  constexpr double kLevel_m = 0.5, kStep_m = 20;  // linePath() sees the road from above
+  for (double s_m = 0; s_m < circuit.track.length_m(); s_m += kStep_m)
+    if (std::abs(circuit.track.at(s_m).T_map_road.translation().z()) > kLevel_m)
+      throw InputError("track " + circuit.path +
+                       ": a closed loop needs a circuit that is level along its centre line");
   (void)car.devices(lidars);  // throws when a pattern fits none
   x_car.lidars.clear();
   for (const auto& device : car.lidars)

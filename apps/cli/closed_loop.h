@@ -1,36 +1,32 @@
 /** \file
  * A simulated car that steers by what it measures, into trouble and out of it: the paper's two experiments on resilient
- * navigation. */
+ * navigation, and any other. */
 #pragma once
 
 #include <cstdint>
 #include <optional>
 #include <vector>
 
+#include "sim/fault_options.h"
 #include "sim/race.h"
 #include "wall/guard.h"
 
 namespace raceloc {
 
-/** Whom the car believes. */
-enum class Belief {
-  every_source,  ///< no gate: a degraded pose goes on being believed, as by a single-modality system
-  gate,          ///< the gate; when it rejects all, dead reckoning
-  gate_and_wall  ///< and then, or when a wall comes too close, the wall
-};
-[[nodiscard]] const char* nameOf(Belief belief);
-
 /** A drive of seconds. */
 struct ClosedLoopOptions {
-  double from_m = 0;      ///< station of the start
-  double duration_s = 8;  ///< it ends sooner when a wheel touches a wall
-  Belief belief = Belief::gate_and_wall;
-  /** From then on, for so long, every receiver and the scan match drift off to the left of the car's way at the begin:
-   * the first at drift_mps, the others the faster the later they come, so that no two agree. 0: never. */
-  double fail_at_s = 2, fail_for_s = 0;
-  double drift_mps = 4;
+  double from_m = 0;       ///< station of the start
+  double duration_s = 8;   ///< it ends sooner when a wheel touches a wall
+  bool is_guarded = true;  ///< false: the line that is told is driven, whatever the gate and the walls say
+  /** What goes wrong, in seconds since the start; labels of the car's devices, and kMatchLabel as a receiver. */
+  std::vector<Fault> faults;
   std::uint64_t seed = 1;
 };
+
+/** Every receiver and the scan match drift off, to the left of the road as it lies at a station: the first at
+ * `drift_mps`, each other one half of that faster than the one before, so that no two of them agree. */
+[[nodiscard]] std::vector<Fault> everySourceDrifts(const Track& track, const CarFile& car, double there_m,
+                                                   double from_s, double to_s, double drift_mps);
 
 /** What happened at one instant. */
 struct ClosedLoopRow {
@@ -40,7 +36,7 @@ struct ClosedLoopRow {
   double steering_command_rad;  ///< to the road wheels, left positive
   double wheel_to_wall_m;       ///< truth, see wheelToWall_m()
   double gap_m;                 ///< truth: rear axle to the wall on the guard's side; NaN: none
-  double belief_left_m;         ///< of the believed position to the true one, across the true heading
+  double believed_left_m;       ///< of the believed position to the true one, across the true heading
   bool alarm;                   ///< no source confirms the estimate
   GuardState guard;             ///< `localized` where there is none
   double seen_gap_m;            ///< by the detector, on the guard's side; NaN: no wall
@@ -55,11 +51,11 @@ struct ClosedLoopDrive {
 class ClosedLoop {
  public:
   /** The circuit must outlive it. Of the car's devices: all receivers, the first IMU and vehicle, and those LiDARs that
-   * match `lidars`, all of which sweep at once. \throws InputError for a car without a receiver, IMU or vehicle, or
-   * without such a LiDAR */
+   * match `lidars`, all of which sweep at once. \throws InputError for a circuit that is not level along its
+   * centre line, and for a car without a receiver (heading = body), IMU or vehicle, or without such a LiDAR */
   ClosedLoop(const Circuit& circuit, const CarFile& car, const std::string& lidars, std::uint64_t seed);
 
-  /** \throws InputError if the car leaves the road */
+  /** \param told  what the car is told to drive; it starts there */
   [[nodiscard]] ClosedLoopDrive drive(const RacingLine& told, const ClosedLoopOptions& options,
                                       const GuardOptions& guard, const WallPathOptions& wall_path) const;
 

@@ -8,6 +8,7 @@
 
 #include "sim/race.h"
 #include "sim/scenery.h"
+#include "sim/wall_gap.h"
 #include "support/forall.h"
 #include "support/lap.h"
 
@@ -87,6 +88,60 @@ TEST_P(Car, KeepsToItsTyresAndItsLine) {
         << x.s_m;
   }
   EXPECT_GT(lap.car.state().s_m, lap.circuit.track.length_m());
+}
+
+TEST(SteeredCar, FollowsTheCommandAsFastAsItCan) {
+  Lap lap("lvms");
+  const double most_step_rad = kDegree * lap.file.car.max_steering_rate_dps * RaceCar::kStep_s;
+  const double from_rad = lap.car.state().steering_rad, wanted_rad = from_rad + 5.5 * most_step_rad;
+  for (int i = 1; i <= 8; ++i) {
+    lap.car.stepSteered(wanted_rad);
+    EXPECT_NEAR(lap.car.state().steering_rad, from_rad + std::min(i * most_step_rad, 5.5 * most_step_rad),
+                1e-12);  // sums of eight steps
+  }
+  EXPECT_GT(lap.car.state().s_m, 0);
+}
+
+TEST(SteeredCar, StartsAnywhereOnTheLine) {
+  const Lap lap("lvms");
+  const RaceCar car(lap.circuit.track, lap.line, lap.profile, lap.file.car, lap.file.driver, 50, 1, 600);
+  EXPECT_EQ(car.state().s_m, 600);
+  EXPECT_NEAR(car.state().n_m, lap.line.at(600).n_m, lap.file.driver.wander_m * std::sqrt(8));
+  EXPECT_EQ(car.state().yaw_rate_rps, 50 * lap.line.at(600).curvature_per_m);
+}
+
+TEST(WallGap, IsWhatARayFindsAndLeavesTheWheels) {
+  Lap lap("lvms");
+  const auto& [circuit, file] = std::tie(lap.circuit, lap.file);
+  const World world(sceneryMesh(circuit, 1));
+  forAll(50, [&](Random& rnd) {
+    RaceCarState car;
+    car.s_m = rnd.uniform(0, circuit.track.length_m());
+    car.n_m = rnd.uniform(-6, 0);
+    const auto gap_m = wallGap_m(circuit, car.s_m, car.n_m, Side::right);
+    ASSERT_TRUE(gap_m.has_value());
+    EXPECT_FALSE(wallGap_m(circuit, 600, 0, Side::left).has_value());  // none inside turn 1
+    const Pose T = circuit.track.surface(car.s_m, car.n_m).T_map_surface *
+                   Eigen::Translation3d(0, 0, file.car.axle_height_m);
+    // Across the road, to the wall as it was built: of chords of 1.5 m (1 mm from the arc), in floats.
+    const Vector3d right = -T.linear().col(1);
+    Hit hit;
+    world.cast(T.translation(), &right, 1, 50, &hit);
+    const double bank_cos = right.head<2>().norm(), level_m = hit.range_m * bank_cos;
+    const double lean_m =
+        -file.car.axle_height_m * T.linear().col(2).head<2>().dot(right.head<2>()) / bank_cos;
+    EXPECT_NEAR(level_m, *gap_m * bank_cos + lean_m, 5e-3);  // the axle is above the road, which leans
+    // The car along the road: its outer wheels are half a width nearer, the same in front where the road is straight.
+    const double wheel_m = wheelToWall_m(circuit, file.car, car);
+    const double bend_m =
+        std::abs(circuit.track.at(car.s_m).turn_per_m.z()) * std::pow(file.car.wheelbase_m, 2);
+    EXPECT_NEAR(wheel_m, level_m - 0.5 * file.car.width_m * bank_cos, 5e-3 + bend_m);
+    // Turned to the wall, it touches when the front corner does.
+    car.heading_rad = -rnd.uniform(0.1, 1.5);
+    const double reach_m = file.car.wheelbase_m * std::sin(-car.heading_rad) +
+                           0.5 * file.car.width_m * std::cos(car.heading_rad);
+    EXPECT_NEAR(wheelToWall_m(circuit, file.car, car), level_m - reach_m * bank_cos, 5e-3 + bend_m);
+  });
 }
 
 TEST_P(Car, DriverDoesNotChatterBetweenThrottleAndBrakes) {
