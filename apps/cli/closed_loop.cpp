@@ -62,27 +62,44 @@ Path linePath(const Track& track, const RacingLine& line, const Eigen::Vector3d&
   return path;
 }
 
+double curvatureAt(const Path& path, double s_m) {
+  const auto next = std::find_if(path.begin(), path.end(), [&](const PathPoint& q) { return q.s_m >= s_m; });
+  if (next == path.end()) return path.back().curvature_per_m;
+  if (next == path.begin()) return next->curvature_per_m;
+  const PathPoint& before = *std::prev(next);
+  const double share = (s_m - before.s_m) / (next->s_m - before.s_m);
+  return (1 - share) * before.curvature_per_m + share * next->curvature_per_m;
+}
+
+/** The point of a path beside a place: on an arc from the nearest point of at least one. */
+PathPoint beside(const Path& path, const Eigen::Vector2d& p_m) {
+  const auto from_m = [&](const PathPoint& q) { return Eigen::Vector2d(p_m.x() - q.x_m, p_m.y() - q.y_m); };
+  const PathPoint near =
+      *std::min_element(path.begin(), path.end(), [&](const PathPoint& a, const PathPoint& b) {
+        return from_m(a).squaredNorm() < from_m(b).squaredNorm();
+      });
+  const double along_m = (Eigen::Rotation2Dd(-near.heading_rad) * from_m(near)).x();
+  const double middle_rad = near.heading_rad + 0.5 * along_m * near.curvature_per_m;
+  return {near.s_m + along_m, near.x_m + along_m * std::cos(middle_rad),
+          near.y_m + along_m * std::sin(middle_rad), near.heading_rad + along_m * near.curvature_per_m,
+          curvatureAt(path, near.s_m + along_m)};
+}
+
+Pose poseOf(const PathPoint& q) { return poseFromRpy({q.x_m, q.y_m, 0}, 0, 0, q.heading_rad); }
+
 /** A path as it lies about a car. \param path  at least one point \param up_body  in the car's axes */
 PathAhead aheadOn(const Path& path, const Pose& T_path_body, double speed_mps,
                   const Eigen::Vector3d& up_body) {
   const Eigen::Vector2d p_m = T_path_body.translation().head<2>();
-  const auto fromCar_m2 = [&](const PathPoint& q) {
-    return (Eigen::Vector2d(q.x_m, q.y_m) - p_m).squaredNorm();
-  };
-  const auto near = std::min_element(path.begin(), path.end(), [&](const PathPoint& a, const PathPoint& b) {
-    return fromCar_m2(a) < fromCar_m2(b);
-  });
-  const Eigen::Vector2d off_m =
-      Eigen::Rotation2Dd(-near->heading_rad) * (p_m - Eigen::Vector2d(near->x_m, near->y_m));
-  const double soon_m = near->s_m + off_m.x() + speed_mps * kReaction_s;
-  const auto soon =
-      std::find_if(near, std::prev(path.end()), [&](const PathPoint& q) { return q.s_m >= soon_m; });
-  const double curvature = soon->curvature_per_m;
-  return {off_m.y() - 0.5 * near->curvature_per_m * off_m.x() * off_m.x(),
+  const PathPoint here = beside(path, p_m);
+  const double curvature_per_m = curvatureAt(path, here.s_m + speed_mps * kReaction_s);
+  const double left_m =
+      (Eigen::Rotation2Dd(-here.heading_rad) * (p_m - Eigen::Vector2d(here.x_m, here.y_m))).y();
+  return {left_m,
           yawOf(T_path_body),
-          near->heading_rad + near->curvature_per_m * off_m.x(),
-          curvature,
-          -curvature * up_body.y() / up_body.z(),
+          here.heading_rad,
+          curvature_per_m,
+          -curvature_per_m * up_body.y() / up_body.z(),  // a level turn, seen from a road that leans
           up_body.y(),
           up_body.z()};
 }
@@ -127,6 +144,7 @@ class LoopDrive {
         x_told(told),
         x_options(options),
         x_guard_options(guard),
+        x_path_options(wall_path),
         x_profile(circuit.track, told, file.car, file.driver, circuit.pace),
         x_nobody(circuit.track, told, x_profile, file.car, 0, options.seed),
         x_car(circuit.track, told, x_profile, file.car, file.driver, x_profile.at(options.from_m).speed_mps,
@@ -220,21 +238,44 @@ class LoopDrive {
   void decide(std::vector<Scan> scans) {
     const WallScan walls = x_finder.look(std::move(scans), x_localizer);
     const auto [speed_mps, yaw_rate_rps] = x_localizer.rates();
-    x_decided = x_guard.update({walls.stamp_s, !x_localizer.alarm(), walls,
-                                toldPath(walls.stamp_s, kHorizon_s * speed_mps), speed_mps,
-                                yaw_rate_rps / std::max(1.0, speed_mps)});
-    x_decided_s = walls.stamp_s;
+    const double curvature_per_m = yaw_rate_rps / std::max(1.0, speed_mps);
+    const GuardOutput decided =
+        x_guard.update({walls.stamp_s, !x_localizer.alarm(), walls,
+                        toldPath(walls.stamp_s, kHorizon_s * speed_mps), speed_mps, curvature_per_m});
+    if (decided.path)
+      goAlong(*walls.on(decided.path->side), decided.path->gap_m, walls.stamp_s, speed_mps, curvature_per_m);
+    else
+      x_along.reset();
     const auto& wall = walls.on(x_guard_options.side);
     x_seen_gap_m = wall ? wall->distance_m() : kNone;
+  }
+
+  /** Plans from where the path that was driven until now has come, and not from the car: what the car is off that path
+   * is the tracker's to correct, and a plan that begins at the car corrects it again, later, until the two swing up. The
+   * first path begins along the car's course, which in a turn is not where it points. */
+  void goAlong(const Wall& wall, double gap_m, double stamp_s, double speed_mps, double curvature_per_m) {
+    Pose T_body_begin = poseFromRpy(Eigen::Vector3d::Zero(), 0, 0, x_localizer.course_rad());
+    if (x_along && x_along->side == wall.side) {
+      const Pose T_path_body = x_along->T_path_body * x_localizer.between(x_along->stamp_s, stamp_s);
+      const PathPoint reached = beside(x_along->points, T_path_body.translation().head<2>());
+      const Pose T = T_path_body.inverse() * poseOf(reached);
+      T_body_begin = poseFromRpy({T.translation().x(), T.translation().y(), 0}, 0, 0, yawOf(T));
+      curvature_per_m = reached.curvature_per_m;
+    }
+    x_along = Along{
+        wall.side,
+        planAlong(moved(wall, T_body_begin, 0), gap_m, speed_mps, curvature_per_m, x_path_options).points,
+        T_body_begin.inverse(), stamp_s};
   }
 
   void steer(double now_s) {
     const double stamp_s = kStartStamp_s + now_s;
     const auto [speed_mps, yaw_rate_rps] = x_localizer.rates();
-    const bool by_wall = x_decided && x_decided->path;
-    const Path path = by_wall ? x_decided->path->points : toldPath(stamp_s, kNear_m);
+    const Path path = x_along ? x_along->points : toldPath(stamp_s, kNear_m);
     if (!path.empty()) {
-      const Pose T_path_body = by_wall ? x_localizer.between(x_decided_s, stamp_s) : Pose::Identity();
+      const Pose T_path_body =
+          x_along ? Pose(x_along->T_path_body * x_localizer.between(x_along->stamp_s, stamp_s))
+                  : Pose::Identity();
       x_command_rad = wantedSteering(aheadOn(path, T_path_body, speed_mps, x_localizer.up_body()), speed_mps,
                                      yaw_rate_rps, x_file.car, x_file.driver);
     }
@@ -265,6 +306,7 @@ class LoopDrive {
   const RacingLine& x_told;
   ClosedLoopOptions x_options;
   GuardOptions x_guard_options;
+  WallPathOptions x_path_options;
   SpeedProfile x_profile;
   Traffic x_nobody;
   RaceCar x_car;
@@ -281,8 +323,13 @@ class LoopDrive {
   SteeringHandover x_handover;
   ArrivalQueue<Sample> x_samples;
   ArrivalQueue<std::vector<Scan>> x_sweeps;
-  std::optional<GuardOutput> x_decided;  ///< on the newest scan ...
-  double x_decided_s = 0;                ///< ... whose stamp and body frame its path has
+  struct Along {
+    Side side;
+    Path points;
+    Pose T_path_body;  ///< at the stamp
+    double stamp_s;
+  };
+  std::optional<Along> x_along;  ///< the path along a wall that is driven
   double x_seen_gap_m = kNone;
   double x_command_rad = 0;
 };

@@ -28,6 +28,11 @@ Pose LoopLocalizer::between(double from_s, double to_s) const {
   return motion ? motion->T_start_end : Pose::Identity();
 }
 
+double LoopLocalizer::course_rad() const {
+  const auto rates = x_motion.ratesAt(x_stamp_s);
+  return rates ? std::atan2(rates->twist(4), rates->twist(3)) : 0;
+}
+
 void LoopLocalizer::moveTo(double stamp_s) {
   const auto motion = x_motion.between(x_stamp_s, stamp_s);
   if (!motion || !(stamp_s > x_stamp_s)) return;

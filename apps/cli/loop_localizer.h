@@ -29,6 +29,8 @@ class LoopLocalizer {
   [[nodiscard]] Pose between(double from_s, double to_s) const;
   [[nodiscard]] const MotionHistory& motion() const { return x_motion; }
   [[nodiscard]] MotionHistory::Rates rates() const { return x_rates; }  ///< about the body's axes, newest
+  /** From the heading to where the rear axle goes, now: the side-slip. */
+  [[nodiscard]] double course_rad() const;
   /** Unit vector against gravity, in the body's axes. */
   [[nodiscard]] Eigen::Vector3d up_body() const { return x_T_map_body.linear().row(2); }
   /** The gate's last word: no source confirms the estimate. */
