@@ -67,6 +67,8 @@ struct Result {
   Deskewed deskewed;
   Points thinned;
   Covariances covariances;
+  StandingCells standing;
+  std::vector<std::int32_t> clusters;
   Match match;
 };
 
@@ -81,6 +83,8 @@ Result through(BackendBase& backend) {
   std::size_t dropped = 0;
   result.thinned = backend.voxelGrid(room(1, 6000).view(), 0.25, dropped);
   const PointsView target = result.thinned.view();
+  result.standing = backend.standingCells(target, {}, nullptr);
+  result.clusters = backend.clusters(result.standing.face.view(), 0.6F);
   result.covariances = backend.covariances(target, raw);
   VoxelTable table(1.0);
   table.insert(target, backend.covariances(target, planes).view(), {});
@@ -125,6 +129,11 @@ std::string compare(const Result& here, const Result& cpu) {
          << cpu.thinned.size();
     return text.str();
   }
+  const Points &face = here.standing.face, &face_there = cpu.standing.face;
+  if (face.x != face_there.x || face.y != face_there.y || face.z != face_there.z ||
+      here.standing.lowest_m != cpu.standing.lowest_m || here.standing.highest_m != cpu.standing.highest_m)
+    return "it does not find the CPU's standing cells";
+  if (here.clusters != cpu.clusters) return "its clusters are not the CPU's";
   const Covariances &C = here.covariances, &D = cpu.covariances;
   if (C.neighbours != D.neighbours) return "it finds other neighbours than the CPU";
   for (const auto& [a, b] : {std::pair(&C.xx, &D.xx), std::pair(&C.xy, &D.xy), std::pair(&C.xz, &D.xz),

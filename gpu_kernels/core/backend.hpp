@@ -14,6 +14,7 @@
 #include "raceloc/gpu/matcher.h"
 #include "raceloc/gpu/nearest_target.h"
 #include "raceloc/gpu/prepare.h"
+#include "raceloc/gpu/standing.h"
 #include "raceloc/gpu/types.h"
 
 namespace raceloc::gpu {
@@ -56,6 +57,10 @@ class BackendBase {
                                   Covariances into = {}) = 0;
   virtual PreparedScan prepare(const DeskewJob& job, double voxel_size_m, const CovarianceOptions& options,
                                Deskewed* full, PreparedScan into = {}) = 0;
+  virtual StandingCells standingCells(const PointsView& points, const StandingOptions& options,
+                                      std::vector<std::uint8_t>* is_standing, StandingCells into = {}) = 0;
+  virtual std::vector<std::int32_t> clusters(const PointsView& points, float radius_m,
+                                             std::vector<std::int32_t> into = {}) = 0;
   virtual std::unique_ptr<MapMirror> mirror() = 0;  ///< null where the host's table serves
   /** Good until the next call: a backend has one runner, which works in its buffers. \param mirror of this
    * backend */

@@ -12,6 +12,8 @@
 #include "api/voxel_table.hpp"
 #include "core/backend.hpp"
 #include "core/neighbour_grid.hpp"
+#include "core/standing.hpp"
+#include "core/union_find.hpp"
 #include "core/voxel_grid.hpp"
 #include "cpu/loops.hpp"
 #include "cpu/radix_sort.hpp"
@@ -46,6 +48,16 @@ struct PassBuffers {
   std::vector<std::int32_t> fresh, frozen, nearest;
   std::vector<float> others_m;
   std::vector<std::array<double, kSums>> of_block;
+};
+
+/** Parents of one thread. */
+struct OwnParents {
+  std::uint32_t* parents;
+  [[nodiscard]] std::uint32_t get(std::uint32_t i) const { return parents[i]; }
+  void set(std::uint32_t i, std::uint32_t ancestor) const { parents[i] = ancestor; }
+  std::uint32_t hook(std::uint32_t i, std::uint32_t parent) const {
+    return std::exchange(parents[i], parent);
+  }
 };
 
 class CpuPasses : public PassRunner {
@@ -149,25 +161,17 @@ class CpuBackend : public BackendBase {
     const VoxelBox box = findVoxels(points, voxel_size_m);
     dropped = points.size - box.kept;
     if (box.kept == 0) return {};
-    const KeyLayout layout = KeyLayout::of(box.low, box.high);
-    const std::size_t kept = listStretches(points.size);
-    // One bit more: what has no voxel comes last.
-    sortBy(layout.bits + 1, x_stretches.size() - 1, kept, [&](std::size_t s) {
-      const std::uint32_t i = x_stretches[s];
-      return x_voxels[0][i] == kNoCell ? std::uint64_t{1} << layout.bits
-                                       : layout.key({x_voxels[0][i], x_voxels[1][i], x_voxels[2][i]});
-    });
+    sortVoxels(KeyLayout::of(box.low, box.high), points.size);
     const std::size_t voxels = x_first.size() - 1;
     for (auto* v : {&into.x, &into.y, &into.z}) v->resize(voxels);
     x_workers.forPieces(voxels, kPiece, [&](std::size_t begin, std::size_t end, int) {
       for (std::size_t k = begin; k < end; ++k) {
         CentroidSum sum;
         std::uint32_t n = 0;
-        for (std::uint32_t s = x_first[k]; s < x_first[k + 1]; ++s) {
-          const std::uint32_t first = x_stretches[x_order[s]], last = x_stretches[x_order[s] + 1];
-          for (std::uint32_t i = first; i < last; ++i) sum.add(points, i);
-          n += last - first;
-        }
+        forPointsOf(k, [&](std::uint32_t i) {
+          sum.add(points, i);
+          ++n;
+        });
         const Vec3<float> mean = sum.centroid(n);
         into.x[k] = mean.x, into.y[k] = mean.y, into.z[k] = mean.z;
       }
@@ -187,17 +191,8 @@ class CpuBackend : public BackendBase {
       });
       return into;
     }
-    const NeighbourGrid grid = NeighbourGrid::over(points, options.radius_m);
-    sortBy(grid.layout.bits, points.size, points.size,
-           [&](std::size_t i) { return grid.layout.key(grid.cell(points.x[i], points.y[i], points.z[i])); });
-    for (auto& axis : x_sorted) axis.resize(points.size + kPadding);
-    x_workers.forPieces(points.size, kPiece, [&](std::size_t first, std::size_t last, int) {
-      for (std::size_t k = first; k < last; ++k) {
-        const std::uint32_t i = x_order[k];
-        x_sorted[0][k] = points.x[i], x_sorted[1][k] = points.y[i], x_sorted[2][k] = points.z[i];
-      }
-    });
-    const std::size_t cells = x_first.size() - 1, stride = findRuns(grid) + 2 * kPadding;
+    const std::size_t stride = sortIntoCells(points, options.radius_m) + 2 * kPadding;
+    const std::size_t cells = x_first.size() - 1;
     x_scratch.resize(3 * stride * static_cast<std::size_t>(x_workers.threads()));
     const CovarianceJob job{x_sorted[0].data(),
                             x_sorted[1].data(),
@@ -211,6 +206,62 @@ class CpuBackend : public BackendBase {
       x_loops.covariances(job, static_cast<std::uint32_t>(begin), static_cast<std::uint32_t>(end),
                           &x_scratch[3 * stride * static_cast<std::size_t>(worker)], stride);
     });
+    return into;
+  }
+
+  StandingCells standingCells(const PointsView& points, const StandingOptions& options,
+                              std::vector<std::uint8_t>* is_standing, StandingCells into) override {
+    clear(into);
+    if (is_standing != nullptr) is_standing->assign(points.size, 0);
+    if (points.size == 0) return into;
+    const StandingGrid grid = StandingGrid::of(options);
+    for (auto& axis : x_voxels) axis.resize(points.size);
+    x_workers.forPieces(points.size, kPiece, [&](std::size_t first, std::size_t last, int) {
+      for (std::size_t i = first; i < last; ++i) {
+        Cell c{};
+        if (!grid.cellOf(points.x[i], points.y[i], points.z[i], c)) c.x = kNoCell;
+        x_voxels[0][i] = c.x, x_voxels[1][i] = c.y, x_voxels[2][i] = c.z;
+      }
+    });
+    sortVoxels(grid.layout, points.size);
+    const std::size_t cells = x_first.size() - 1;
+    x_standing.assign(cells, StandingCell(0));
+    x_workers.forPieces(cells, kCellPiece, [&](std::size_t begin, std::size_t end, int) {
+      for (std::size_t k = begin; k < end; ++k) {
+        float lowest_m = FLT_MAX;
+        forPointsOf(k, [&](std::uint32_t i) { lowest_m = std::min(lowest_m, points.z[i]); });
+        StandingCell cell(lowest_m);
+        forPointsOf(k, [&](std::uint32_t i) { cell.add(points, i, options); });
+        if (!cell.stands(options)) continue;
+        forPointsOf(k, [&](std::uint32_t i) {
+          const bool stands = cell.addHigh(points, i, options);
+          if (is_standing != nullptr) (*is_standing)[i] = stands ? 1 : 0;
+        });
+        x_standing[k] = cell;
+      }
+    });
+    for (const StandingCell& cell : x_standing)
+      if (cell.standing > 0)
+        append(into, cell.sum.centroid(static_cast<std::size_t>(cell.standing)),
+               cell.high_sum.centroid(static_cast<std::size_t>(cell.high)), cell.lowest_m, cell.highest_m,
+               cell.standing);
+    return into;
+  }
+
+  std::vector<std::int32_t> clusters(const PointsView& points, float radius_m,
+                                     std::vector<std::int32_t> into) override {
+    into.resize(points.size);
+    if (points.size == 0) return into;
+    sortIntoCells(points, radius_m);
+    x_parents.resize(points.size);
+    std::iota(x_parents.begin(), x_parents.end(), 0U);
+    const OwnParents parents{x_parents.data()};
+    const PointsView sorted{x_sorted[0].data(), x_sorted[1].data(), x_sorted[2].data(), points.size};
+    for (std::size_t cell = 0; cell + 1 < x_first.size(); ++cell)
+      for (std::uint32_t k = x_first[cell]; k < x_first[cell + 1]; ++k)
+        uniteWithNeighbours(parents, k, sorted, x_order.data(), &x_runs[cell * kRowsAround],
+                            radius_m * radius_m);
+    for (std::uint32_t i = 0; i < points.size; ++i) into[i] = static_cast<std::int32_t>(rootOf(parents, i));
     return into;
   }
 
@@ -267,6 +318,42 @@ class CpuBackend : public BackendBase {
     VoxelBox all;
     for (const VoxelBox& box : x_boxes) all.add(box);
     return all;
+  }
+
+  /** Sorts n points by their voxels in x_voxels, with those behind each other in a scan as one: see forPointsOf(). */
+  void sortVoxels(const KeyLayout& layout, std::size_t n) {
+    const std::size_t kept = listStretches(n);
+    // One bit more: what has no voxel comes last.
+    sortBy(layout.bits + 1, x_stretches.size() - 1, kept, [&](std::size_t s) {
+      const std::uint32_t i = x_stretches[s];
+      return x_voxels[0][i] == kNoCell ? std::uint64_t{1} << layout.bits
+                                       : layout.key({x_voxels[0][i], x_voxels[1][i], x_voxels[2][i]});
+    });
+  }
+
+  /** Of the k-th voxel. */
+  template <class Use>
+  void forPointsOf(std::size_t k, const Use& use) const {
+    for (std::uint32_t s = x_first[k]; s < x_first[k + 1]; ++s) {
+      const std::uint32_t last = x_stretches[x_order[s] + 1];
+      for (std::uint32_t i = x_stretches[x_order[s]]; i < last; ++i) use(i);
+    }
+  }
+
+  /** The points by cell in x_sorted, where each cell begins in x_first, its nine runs in x_runs. \return the most
+   * candidates of a cell */
+  std::size_t sortIntoCells(const PointsView& points, float radius_m) {
+    const NeighbourGrid grid = NeighbourGrid::over(points, radius_m);
+    sortBy(grid.layout.bits, points.size, points.size,
+           [&](std::size_t i) { return grid.layout.key(grid.cell(points.x[i], points.y[i], points.z[i])); });
+    for (auto& axis : x_sorted) axis.resize(points.size + kPadding);
+    x_workers.forPieces(points.size, kPiece, [&](std::size_t first, std::size_t last, int) {
+      for (std::size_t k = first; k < last; ++k) {
+        const std::uint32_t i = x_order[k];
+        x_sorted[0][k] = points.x[i], x_sorted[1][k] = points.y[i], x_sorted[2][k] = points.z[i];
+      }
+    });
+    return findRuns(grid);
   }
 
   /** Points that follow each other in a scan are often of one voxel: x_stretches is where each stretch of such
@@ -408,7 +495,8 @@ class CpuBackend : public BackendBase {
   std::vector<VoxelBox> x_boxes;
   std::array<std::vector<NarrowItem>, 2> x_narrow;
   std::array<std::vector<WideItem>, 2> x_wide;
-  std::vector<std::uint32_t> x_order, x_first, x_places, x_heads, x_stretches;
+  std::vector<std::uint32_t> x_order, x_first, x_places, x_heads, x_stretches, x_parents;
+  std::vector<StandingCell> x_standing;
   std::vector<std::size_t> x_of_piece;
   std::vector<std::uint64_t> x_keys;
   std::array<std::vector<float>, 3> x_sorted, x_moved;

@@ -19,11 +19,13 @@
 #include "api/voxel_table.hpp"
 #include "core/backend.hpp"
 #include "core/weight.hpp"
+#include "kernels/clusters.kernel.hpp"
 #include "kernels/covariance.kernel.hpp"
 #include "kernels/deskew.kernel.hpp"
 #include "kernels/rows.hpp"
 #include "kernels/sort_buffers.hpp"
 #include "kernels/sorted_runs.kernel.hpp"
+#include "kernels/standing.kernel.hpp"
 #include "kernels/vgicp.kernel.hpp"
 
 namespace raceloc::gpu {
@@ -133,6 +135,64 @@ class DeviceBackend : public BackendBase {
     takePoints(x_thinned, n, into.points);
     takeCovariances(n, into.covariances);
     into.on_device = x_prepared = nextPrepared();
+    return into;
+  }
+
+  StandingCells standingCells(const PointsView& points, const StandingOptions& options,
+                              std::vector<std::uint8_t>* is_standing, StandingCells into = {}) override {
+    const auto n = static_cast<std::uint32_t>(points.size);
+    clear(into);
+    if (is_standing != nullptr) is_standing->assign(n, 0);
+    if (n == 0) return into;
+    x_machine.select();
+    const PointsView p = upload(points);
+    const StandingGrid grid = StandingGrid::of(options);
+    std::uint32_t* runs = x_count.room(1);
+    withKey(grid.layout, [&](auto key) {
+      using Key = decltype(key);
+      x_machine.launch("standingKeys", {blocksFor(n, kStandingThreads)}, kStandingThreads, standingKeys<Key>,
+                       p, grid, x_sort.template keys<Key>().mixed.room(n), x_sort.order.room(n),
+                       x_is_standing.room(n));
+      listRunsOf<Key>(grid.layout, n, runs);
+    });
+    x_machine.wait();
+    const std::uint32_t cells = *runs;
+    if (cells == 0) return into;
+    x_machine.launch(
+        "standingOfCells",
+        {std::min(kStandingBlocks, blocksFor(std::size_t{simt::kWarp} * cells, kStandingThreads))},
+        kStandingThreads, standingOfCells, p, options, x_sort.order_sorted.data(), x_first.data(), cells,
+        x_cells.room(kStandingRows * cells), x_standing.room(cells), x_is_standing.data());
+    x_cells.download(x_machine, kStandingRows * cells);
+    x_standing.download(x_machine, cells);
+    if (is_standing != nullptr) x_is_standing.download(x_machine, n);
+    x_machine.wait();
+    for (std::uint32_t c = 0; c < cells; ++c) {
+      const auto row = [&](std::uint32_t r) { return x_cells.host()[r * std::size_t{cells} + c]; };
+      if (x_standing.host()[c] > 0)
+        append(into, {row(0), row(1), row(2)}, {row(3), row(4), row(5)}, row(6), row(7),
+               x_standing.host()[c]);
+    }
+    if (is_standing != nullptr) takeRow(x_is_standing.host(), n, *is_standing);
+    return into;
+  }
+
+  std::vector<std::int32_t> clusters(const PointsView& points, float radius_m,
+                                     std::vector<std::int32_t> into = {}) override {
+    into.clear();
+    if (points.size == 0) return into;
+    x_machine.select();
+    const auto n = static_cast<std::uint32_t>(points.size);
+    const PointsView sorted = sortIntoCells(upload(points), NeighbourGrid::over(points, radius_m));
+    const std::uint32_t blocks = blocksFor(n, kClusterThreads);
+    std::uint32_t* parents = x_parents.room(n);
+    x_machine.launch("plantTrees", {blocks}, kClusterThreads, plantTrees, n, parents);
+    x_machine.launch("joinTrees", {blocks}, kClusterThreads, joinTrees, sorted, x_sort.order_sorted.data(),
+                     x_sort.numbers.data(), x_runs.data(), radius_m * radius_m, parents);
+    x_machine.launch("labelTrees", {blocks}, kClusterThreads, labelTrees, n, parents, x_labels.room(n));
+    x_labels.download(x_machine, n);
+    x_machine.wait();
+    takeRow(x_labels.host(), n, into);
     return into;
   }
 
@@ -279,10 +339,7 @@ class DeviceBackend : public BackendBase {
       using Key = decltype(key);
       x_machine.launch("voxelKeys", {blocksFor(n, kRunThreads)}, kRunThreads, voxelKeys<Key>, p, layout,
                        voxel_size_m, x_sort.template keys<Key>().mixed.room(n), x_sort.order.room(n));
-      const SortedKeys<Key> sorted =
-          sortedKeys<Key>(layout, n, layout.bits + 1);  // one bit more: dropped points come last
-      x_machine.launch("listRuns", {blocksFor(n, kRunThreads)}, kRunThreads, listRuns<Key>, sorted,
-                       x_sort.numbers.data(), x_first.room(n + 1), voxels);
+      listRunsOf<Key>(layout, n, voxels);
     });
     x_machine.mark();
     x_machine.launch("centroids",
@@ -293,11 +350,20 @@ class DeviceBackend : public BackendBase {
     return *voxels;
   }
 
-  /** Launches what leaves covariances in x_covariances and x_neighbours. \param p  on the device, at least one point
-   * \param grid  over them */
-  void startCovariances(const PointsView& p, const NeighbourGrid& grid, const CovarianceOptions& options) {
+  /** Of n keys and their order: x_sort.order_sorted, and where each run begins in x_first. \param runs  their number, on
+   * the host */
+  template <class Key>
+  void listRunsOf(const KeyLayout& layout, std::uint32_t n, std::uint32_t* runs) {
+    const SortedKeys<Key> sorted =
+        sortedKeys<Key>(layout, n, layout.bits + 1);  // one bit more: dropped points come last
+    x_machine.launch("listRuns", {blocksFor(n, kRunThreads)}, kRunThreads, listRuns<Key>, sorted,
+                     x_sort.numbers.data(), x_first.room(n + 1), runs);
+  }
+
+  /** The points by cell, and the nine runs of each cell in x_runs; x_sort.numbers and order_sorted say which cell, and
+   * which point it was. \param p  on the device, at least one point \param grid  over them */
+  PointsView sortIntoCells(const PointsView& p, const NeighbourGrid& grid) {
     const auto n = static_cast<std::uint32_t>(p.size);
-    x_prepared = 0;
     const PointsOut sorted_points = pointRows(x_sorted.room(kPointRows * n), n);
     withKey(grid.layout, [&](auto key) {
       using Key = decltype(key);
@@ -312,13 +378,22 @@ class DeviceBackend : public BackendBase {
       x_machine.launch("findRuns", {blocksFor(rows, kRunThreads)}, kRunThreads, findRuns<Key>, grid,
                        cell_keys, x_first.data(), x_sort.numbers.data() + (n - 1), n, x_runs.room(rows));
     });
+    return sorted_points.view(n);
+  }
+
+  /** Launches what leaves covariances in x_covariances and x_neighbours. \param p  on the device, at least one point
+   * \param grid  over them */
+  void startCovariances(const PointsView& p, const NeighbourGrid& grid, const CovarianceOptions& options) {
+    const auto n = static_cast<std::uint32_t>(p.size);
+    x_prepared = 0;
+    const PointsView sorted_points = sortIntoCells(p, grid);
     const CovariancesOut out =
         covarianceRows(x_covariances.room(kCovarianceRows * n), n, x_neighbours.room(n));
     withWeight<float>(options, [&](const auto& weightOf) {
       x_machine.launch("covarianceOfPoints", {blocksFor(std::size_t{kThreadsAPoint} * n, kCovarianceThreads)},
                        kCovarianceThreads, covarianceOfPoints<std::decay_t<decltype(weightOf)>>,
-                       sorted_points.view(n), x_sort.order_sorted.data(), x_sort.numbers.data(),
-                       x_runs.data(), CovarianceSetup::of(options), weightOf, out);
+                       sorted_points, x_sort.order_sorted.data(), x_sort.numbers.data(), x_runs.data(),
+                       CovarianceSetup::of(options), weightOf, out);
     });
     x_covariances.download(x_machine, kCovarianceRows * n);
     x_neighbours.download(x_machine, n);
@@ -379,6 +454,10 @@ class DeviceBackend : public BackendBase {
   Array<std::uint32_t> x_first;  ///< of each run
   Array<Run> x_runs;
   Array<std::int32_t> x_neighbours;
+  Array<float> x_cells;  ///< in which something stands
+  Array<std::int32_t> x_standing, x_labels;
+  Array<unsigned char> x_is_standing;
+  Array<std::uint32_t> x_parents;
   std::array<Array<std::int32_t>, 2> x_pairs;
   Array<double> x_partials;
   Array<std::uint32_t> x_blocks_done;  ///< one counter, 0 between launches

@@ -44,7 +44,15 @@ RACELOC_DEVICE void fence() { __threadfence(); }
 RACELOC_DEVICE std::uint32_t increment(std::uint32_t& counter) { return atomicAdd(&counter, 1U); }
 
 /** Reads what another block wrote in this launch: past the first cache, which does not see it. */
-RACELOC_DEVICE double fromOtherBlock(const double& value) { return __ldcg(&value); }
+template <class T>
+RACELOC_DEVICE T fromOtherBlock(const T& value) {
+  return __ldcg(&value);
+}
+
+/** Puts `value` where `expected` is, for all blocks to see; returns what was there. */
+RACELOC_DEVICE std::uint32_t exchangeIf(std::uint32_t& place, std::uint32_t expected, std::uint32_t value) {
+  return atomicCAS(&place, expected, value);
+}
 
 }  // namespace raceloc::gpu::simt
 

@@ -167,6 +167,45 @@ TEST(EmulatedBackend, GivesTheVoxelGridOfTheCpu) {
   }
 }
 
+TEST(EmulatedBackend, FindsWhatStandsAsTheCpuDoes) {
+  Points p = hall(1, 1500);
+  push(p, std::nan(""), 0, 0);
+  push(p, 1e9, 0, 0);
+  const auto cpu = makeCpuBackend(1);
+  std::vector<std::uint8_t> expected_standing, is_standing;
+  for (const Points& points : {p, unevenVoxels(2)}) {
+    const StandingCells expected = cpu->standingCells(points.view(), {}, &expected_standing);
+    EXPECT_GT(expected.size(), 20U);
+    for (const int seed : kSeeds) {
+      const StandingCells here = Emulated(seed).standingCells(points.view(), {}, &is_standing);
+      expectSame(here.face, expected.face);
+      expectSame(here.upper, expected.upper);
+      EXPECT_EQ(here.lowest_m, expected.lowest_m);
+      EXPECT_EQ(here.highest_m, expected.highest_m);
+      EXPECT_EQ(here.standing, expected.standing);
+      EXPECT_EQ(is_standing, expected_standing);
+      if (points.size() > p.size()) break;  // one order is enough of thousands a cell
+    }
+  }
+  EXPECT_EQ(Emulated(1).standingCells({}, {}, nullptr).size(), 0U);
+  Points nothing;
+  push(nothing, std::nan(""), 0, 0);
+  EXPECT_EQ(Emulated(1).standingCells(nothing.view(), {}, &is_standing).size(), 0U);
+  EXPECT_EQ(is_standing, std::vector<std::uint8_t>{0});
+}
+
+TEST(EmulatedBackend, GivesTheClustersOfTheCpu) {
+  const auto cpu = makeCpuBackend(1);
+  for (const int seed : kSeeds) {
+    Emulated emulated(seed);
+    const Points p = randomCloud(static_cast<unsigned>(seed), 900, 4);
+    for (const float radius_m :
+         {0.2F, 0.5F, 9.0F})  // few, many and all together: up to 900 hooks of one root
+      EXPECT_EQ(emulated.clusters(p.view(), radius_m), cpu->clusters(p.view(), radius_m));
+    EXPECT_TRUE(emulated.clusters({}, 1).empty());
+  }
+}
+
 TEST(EmulatedBackend, GivesTheCovariancesOfTheCpu) {
   const Points p = hall(2, 2000);
   const auto cpu = makeCpuBackend(1);

@@ -18,6 +18,8 @@ class Faulty : public BackendBase {
   std::function<void(Deskewed&)> in_deskewed = [](Deskewed&) {};
   std::function<void(Points&)> in_grid = [](Points&) {};
   std::function<void(Covariances&)> in_covariances = [](Covariances&) {};
+  std::function<void(StandingCells&)> in_standing = [](StandingCells&) {};
+  std::function<void(std::vector<std::int32_t>&)> in_clusters = [](std::vector<std::int32_t>&) {};
   std::function<void(Pass&)> in_pass = [](Pass&) {};
 
   [[nodiscard]] Backend kind() const override { return Backend::cuda; }
@@ -42,6 +44,18 @@ class Faulty : public BackendBase {
   PreparedScan prepare(const DeskewJob& job, double voxel_size_m, const CovarianceOptions& options,
                        Deskewed* full, PreparedScan into) override {
     return x_cpu->prepare(job, voxel_size_m, options, full, std::move(into));
+  }
+  StandingCells standingCells(const PointsView& points, const StandingOptions& options,
+                              std::vector<std::uint8_t>* is_standing, StandingCells into) override {
+    StandingCells out = x_cpu->standingCells(points, options, is_standing, std::move(into));
+    in_standing(out);
+    return out;
+  }
+  std::vector<std::int32_t> clusters(const PointsView& points, float radius_m,
+                                     std::vector<std::int32_t> into) override {
+    std::vector<std::int32_t> out = x_cpu->clusters(points, radius_m, std::move(into));
+    in_clusters(out);
+    return out;
   }
   std::unique_ptr<MapMirror> mirror() override { return nullptr; }
   PassRunner& passes(const PointsView& source, const CovariancesView& covariances, const VoxelTable& table,
@@ -102,6 +116,17 @@ TEST(SelfTest, SeesWrongCovariances) {
   EXPECT_NE(verdictOn([](Faulty& f) {
               f.in_covariances = [](Covariances& C) { ++C.neighbours[3]; };
             }).find("neighbours"),
+            std::string::npos);
+}
+
+TEST(SelfTest, SeesWrongCellsAndClusters) {
+  EXPECT_NE(verdictOn([](Faulty& f) {
+              f.in_standing = [](StandingCells& c) { c.highest_m.back() += 0.01F; };
+            }).find("standing cells"),
+            std::string::npos);
+  EXPECT_NE(verdictOn([](Faulty& f) {
+              f.in_clusters = [](std::vector<std::int32_t>& labels) { ++labels.front(); };
+            }).find("clusters"),
             std::string::npos);
 }
 

@@ -23,7 +23,9 @@ bool isOneRing(const Scan& scan) {
   return count >= kFewest && highest - lowest < kSpread;
 }
 
-std::optional<bool> showsGround(const Scan& scan) {
+std::optional<bool> showsGround(const Scan& scan) { return showsGround(scan.cloud, scan.T_body_lidar); }
+
+std::optional<bool> showsGround(const Cloud& cloud, const Pose& T_body_cloud) {
   constexpr int kReach_m = 15, kSide = 2 * kReach_m, kFewestPoints = 3, kFewestCells = 15;
   constexpr float kOwnCar_m = 3, kFlat_m = 0.25F;
   constexpr double kDeepest_m = -2.5, kSlope = 0.05, kGroundShare = 0.2;
@@ -33,11 +35,11 @@ std::optional<bool> showsGround(const Scan& scan) {
     int count = 0;
   };
   std::array<Cell, static_cast<std::size_t>(kSide * kSide)> cells;
-  const Eigen::Isometry3f T_body_lidar = scan.T_body_lidar.cast<float>();
-  for (std::size_t i = 0; i < scan.cloud.size(); ++i) {
-    const Eigen::Vector3f p_lidar_m = scan.cloud.point(i);
-    if (!(p_lidar_m.squaredNorm() > kOwnCar_m * kOwnCar_m)) continue;
-    const Eigen::Vector3f p_m = T_body_lidar * p_lidar_m;
+  const Eigen::Isometry3f T = T_body_cloud.cast<float>();
+  for (std::size_t i = 0; i < cloud.size(); ++i) {
+    const Eigen::Vector3f p_cloud_m = cloud.point(i);
+    if (!(p_cloud_m.squaredNorm() > kOwnCar_m * kOwnCar_m)) continue;
+    const Eigen::Vector3f p_m = T * p_cloud_m;
     if (!(p_m.head<2>().squaredNorm() < kReach_m * kReach_m)) continue;
     const auto column = static_cast<std::size_t>(p_m.x() + kReach_m);
     const auto row = static_cast<std::size_t>(p_m.y() + kReach_m);

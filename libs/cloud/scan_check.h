@@ -16,5 +16,6 @@ namespace raceloc {
  * flat cells of 1 m, within 15 m. None when too little is near to tell. A LiDAR whose place on the car is wrong
  * (upside down, on its side, metres too high) shows walls and no ground, or the ground above the car. */
 [[nodiscard]] std::optional<bool> showsGround(const Scan& scan);
+[[nodiscard]] std::optional<bool> showsGround(const Cloud& cloud, const Pose& T_body_cloud);
 
 }  // namespace raceloc

@@ -6,6 +6,8 @@
 #include <raceloc/gpu/clusters.h>
 #include <raceloc/gpu/standing.h>
 
+#include <cmath>
+#include <memory>
 #include <optional>
 #include <vector>
 
@@ -62,24 +64,31 @@ struct WallScan {
 struct WallOptions {
   double cell_m = 0.5;
   double min_spread_m = 0.4;
-  double max_height_m = 1.5;
+  double foot_m = 0.15;
+  double reach_m = 1.2;
+  int min_points = 3;
   double max_range_m = 80;
   double cluster_radius_m = 1.5;
   double min_length_m = 10;
   double max_distance_m = 30;
+  double max_gap_m = 20;
   double robust_width_m = 0.1;
   double max_residual_m = 0.15;
   double max_heading_deg = 30;
-  double max_curvature_per_m = 0.05;
+  double min_radius_m = 15;
   double keep_s = 0.5;
   void describe(OptionList& keys);
+  [[nodiscard]] gpu::StandingOptions forKernels() const;
 };
+
+class WallFit;
 
 /** Finds the walls scan by scan. Deterministic: the same scans give the same bits, with any number of threads.
  * Allocates nothing once it has seen the largest scan. The context must outlive it. */
 class WallDetector {
  public:
   WallDetector(gpu::Context& context, const WallOptions& options);
+  ~WallDetector();
 
   /** \param cloud       body frame at stamp_s, de-skewed, without the own car (DeskewedScan's); may hold NaN
    * \param T_last_now  motion of the body since the scan before; what is given with the first does not matter
@@ -95,13 +104,12 @@ class WallDetector {
                                                                                         /** @} */
 
  private:
-  [[nodiscard]] std::optional<Wall> find(Side side);
-
   gpu::Context& x_context;
   WallOptions x_options;
   std::optional<WallScan> x_last;
   gpu::StandingCells x_cells;
   std::vector<std::int32_t> x_labels;
+  std::unique_ptr<WallFit> x_fit;
 };
 
 }  // namespace raceloc

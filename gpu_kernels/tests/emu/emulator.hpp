@@ -10,6 +10,7 @@
 #include <cstdint>
 #include <functional>
 #include <stdexcept>
+#include <utility>
 
 #define RACELOC_KERNEL(threads) static inline void  // static: the CUDA build has a function of this name
 #define RACELOC_DEVICE inline
@@ -71,6 +72,13 @@ inline std::uint32_t increment(std::uint32_t& counter) {
   emu::giveWay();
   return counter++;
 }
-inline double fromOtherBlock(const double& value) { return value; }
+template <class T>
+T fromOtherBlock(const T& value) {
+  return value;
+}
+inline std::uint32_t exchangeIf(std::uint32_t& place, std::uint32_t expected, std::uint32_t value) {
+  emu::giveWay();
+  return place == expected ? std::exchange(place, value) : place;
+}
 
 }  // namespace raceloc::gpu::simt

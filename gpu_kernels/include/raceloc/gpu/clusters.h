@@ -14,8 +14,7 @@ namespace raceloc::gpu {
  * distances are compared). \param points  finite
  * \param into  what is no longer needed: its memory is used again
  * \return of each point the smallest index of its cluster: the same on every device
- * \throws std::invalid_argument if radius_m is not > 0, or a point is not finite or farther than 2^19 radii from the
- * others. */
+ * \throws std::invalid_argument if radius_m is not > 0 or a point is not finite. */
 [[nodiscard]] std::vector<std::int32_t> clusters(Context& context, const PointsView& points, float radius_m,
                                                  std::vector<std::int32_t> into = {});
 
