@@ -293,7 +293,8 @@ class LoopDrive {
             car.forward_mps,
             x_command_rad,
             wheelToWall_m(x_circuit, x_file.car, car),
-            wallGap_m(x_circuit, car.s_m, car.n_m, x_guard_options.side).value_or(kNone),
+            wallGap_m(x_circuit, car.s_m, car.n_m, x_file.car.axle_height_m, x_guard_options.side)
+                .value_or(kNone),
             off_m.y(),
             x_localizer.alarm(),
             x_guard.state(),
@@ -396,9 +397,9 @@ RacingLine lineOf(const Track& track, Offset offset_m) {
 
 }  // namespace
 
-RacingLine lineAlongWall(const Circuit& circuit, Side side, double gap_m) {
+RacingLine lineAlongWall(const Circuit& circuit, const CarOptions& car, Side side, double gap_m) {
   return lineOf(circuit.track, [&](double s_m) {
-    const auto from_centre_m = wallGap_m(circuit, s_m, 0, side);
+    const auto from_centre_m = wallGap_m(circuit, s_m, 0, car.axle_height_m, side);
     if (!from_centre_m)
       throw InputError("track " + circuit.path + ": no wall on that side at station " + std::to_string(s_m) +
                        " m");

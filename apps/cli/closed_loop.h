@@ -35,11 +35,11 @@ struct ClosedLoopRow {
   double speed_mps;             ///< truth
   double steering_command_rad;  ///< to the road wheels, left positive
   double wheel_to_wall_m;       ///< truth, see wheelToWall_m()
-  double gap_m;                 ///< truth: rear axle to the wall on the guard's side; NaN: none
-  double believed_left_m;       ///< of the believed position to the true one, across the true heading
-  bool alarm;                   ///< no source confirms the estimate
-  GuardState guard;             ///< `localized` where there is none
-  double seen_gap_m;            ///< by the detector, on the guard's side; NaN: no wall
+  double gap_m;  ///< truth, of the rear axle to the wall on the guard's side, at its height; NaN: none
+  double believed_left_m;  ///< of the believed position to the true one, across the true heading
+  bool alarm;              ///< no source confirms the estimate
+  GuardState guard;        ///< `localized` where there is none
+  double seen_gap_m;       ///< by the detector, on the guard's side; NaN: no wall
 };
 
 struct ClosedLoopDrive {
@@ -65,9 +65,10 @@ class ClosedLoop {
   World x_world;
 };
 
-/** A line at a distance from the wall of a side, all round the circuit. \param gap_m  of the rear axle
+/** A line at a distance from the wall of a side, all round the circuit. \param gap_m  from the middle of the rear axle
  * \throws InputError naming the first station without such a wall */
-[[nodiscard]] RacingLine lineAlongWall(const Circuit& circuit, Side side, double gap_m);
+[[nodiscard]] RacingLine lineAlongWall(const Circuit& circuit, const CarOptions& car, Side side,
+                                       double gap_m);
 
 /** The racing line, moved towards the right by up to `shift_m` between two stations, over `ramp_m` at both ends: a line
  * that was drawn on a picture of the circuit that lies elsewhere. */

@@ -210,7 +210,7 @@ void runClosedLoop(const ClosedLoopArgs& args) {
       args.shift_m ? shiftedLine(circuit.track, RacingLine(circuit.track, car.driver.margin_m),
                                  args.from_m + kShiftAfter_m, args.from_m + kShiftAfter_m + kShifted_m,
                                  kShiftRamp_m, *args.shift_m)
-                   : lineAlongWall(circuit, Side::right, args.gap_m);
+                   : lineAlongWall(circuit, car.car, Side::right, args.gap_m);
   GuardOptions guard;
   guard.wheelbase_m = car.car.wheelbase_m;
   guard.half_width_m = 0.5 * car.car.width_m;

@@ -1,6 +1,7 @@
 #include "sim/wall_gap.h"
 
 #include <algorithm>
+#include <cmath>
 #include <limits>
 
 namespace raceloc {
@@ -23,10 +24,12 @@ std::optional<double> faceOffset_m(const Circuit& circuit, double s_m, Side side
 
 }  // namespace
 
-std::optional<double> wallGap_m(const Circuit& circuit, double s_m, double n_m, Side side) {
+std::optional<double> wallGap_m(const Circuit& circuit, double s_m, double n_m, double height_m, Side side) {
   const auto face_m = faceOffset_m(circuit, s_m, side);
   if (!face_m) return std::nullopt;
-  return side == Side::left ? *face_m - n_m : n_m - *face_m;
+  const double left_m =
+      height_m * std::tan(circuit.track.at(s_m).bank_rad);  // the road's normal leans to the low side
+  return side == Side::left ? *face_m - n_m - left_m : n_m + left_m - *face_m;
 }
 
 double wheelToWall_m(const Circuit& circuit, const CarOptions& car, const RaceCarState& state) {

@@ -78,7 +78,7 @@ INSTANTIATE_TEST_SUITE_P(For, EverySourceFails,
 TEST_P(EverySourceFails, TheCarGoesAlongTheWallAndBack) {
   const auto& [place, fail_for_s] = GetParam();
   const Course course(place.track);
-  const RacingLine told = lineAlongWall(course.circuit, Side::right, kGap_m);
+  const RacingLine told = lineAlongWall(course.circuit, course.car.car, Side::right, kGap_m);
   auto options = course.failing(place.from_m, fail_for_s);
   const ClosedLoopDrive guarded = course.drive(told, options);
 
@@ -131,7 +131,7 @@ TEST_P(WrongPath, TheWheelsStayOffTheWall) {
 
 TEST(ClosedLoop, SameArgumentsSameBitsOnAnyNumberOfThreads) {
   const Course course("lvms");
-  const RacingLine told = lineAlongWall(course.circuit, Side::right, kGap_m);
+  const RacingLine told = lineAlongWall(course.circuit, course.car.car, Side::right, kGap_m);
   const auto driven = [&](std::size_t threads) {
     const tbb::global_control limit(tbb::global_control::max_allowed_parallelism, threads);
     return course.drive(told, course.failing(450, 1));

@@ -118,19 +118,17 @@ TEST(WallGap, IsWhatARayFindsAndLeavesTheWheels) {
     RaceCarState car;
     car.s_m = rnd.uniform(0, circuit.track.length_m());
     car.n_m = rnd.uniform(-6, 0);
-    const auto gap_m = wallGap_m(circuit, car.s_m, car.n_m, Side::right);
+    const auto gap_m = wallGap_m(circuit, car.s_m, car.n_m, file.car.axle_height_m, Side::right);
     ASSERT_TRUE(gap_m.has_value());
-    EXPECT_FALSE(wallGap_m(circuit, 600, 0, Side::left).has_value());  // none inside turn 1
+    EXPECT_FALSE(wallGap_m(circuit, 600, 0, 0, Side::left).has_value());  // none inside turn 1
     const Pose T = circuit.track.surface(car.s_m, car.n_m).T_map_surface *
                    Eigen::Translation3d(0, 0, file.car.axle_height_m);
     // Across the road, to the wall as it was built: of chords of 1.5 m (1 mm from the arc), in floats.
     const Vector3d right = -T.linear().col(1);
     Hit hit;
     world.cast(T.translation(), &right, 1, 50, &hit);
-    const double bank_cos = right.head<2>().norm(), level_m = hit.range_m * bank_cos;
-    const double lean_m =
-        -file.car.axle_height_m * T.linear().col(2).head<2>().dot(right.head<2>()) / bank_cos;
-    EXPECT_NEAR(level_m, *gap_m * bank_cos + lean_m, 5e-3);  // the axle is above the road, which leans
+    EXPECT_NEAR(hit.range_m, *gap_m, 5e-3);
+    const double bank_cos = right.head<2>().norm(), level_m = *gap_m * bank_cos;
     // The car along the road: its outer wheels are half a width nearer, the same in front where the road is straight.
     const double wheel_m = wheelToWall_m(circuit, file.car, car);
     const double bend_m =
