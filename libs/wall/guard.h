@@ -66,25 +66,34 @@ struct GuardOutput {
 };
 
 /** The state machine. Rules, first that applies:
- *  - emergency: a wheel is nearer than emergency_distance_m and the tracked path nears the wall, or will be so within
- *    emergency_time_s. It ends after clear_s with clear_distance_m and clear_time_s.
- *  - wall_following: not localized for reject_s. The wall on `side`; if there is none, the other one; the wall once
- *    followed as long as it is there. It ends after accept_s of being localized.
+ *  - emergency: a wheel nears a wall and is nearer than emergency_distance_m, or will be within emergency_time_s, on the
+ *    path that is driven. It ends after clear_s with clear_distance_m and clear_time_s, or when that wall is gone.
+ *  - wall_following: not localized for reject_s. The wall on `side`, at gap_m, or in the middle of a road that is
+ *    narrower; without it the other one. The wall once followed as long as it is there. It ends after accept_s of being
+ *    localized.
  *  - no_wall: the same, but there is no wall.
  *  - localized.
- * Stamps must not go back. \throws std::invalid_argument if one does. */
+ * In an emergency, and along the other wall, the car does not go nearer than it was when that began: it does not cross
+ * the road to gap_m. The path that is driven is the tracked one; once the car is lost, the one along the wall. */
 class Guard {
  public:
   Guard(const GuardOptions& options, const WallPathOptions& path) : x_options(options), x_path(path) {}
+  /** \throws std::invalid_argument if a stamp is earlier than the one before. */
   [[nodiscard]] GuardOutput update(const GuardInput& input);
   [[nodiscard]] GuardState state() const { return x_state; }
 
  private:
+  [[nodiscard]] bool lastsFor(bool is_so, double wanted_s, std::optional<double>& since_s) const;
+  void follow(std::optional<Side> side, const WallScan& walls);
+  [[nodiscard]] WallPath plan(const GuardInput& input) const;
+
   GuardOptions x_options;
   WallPathOptions x_path;
   GuardState x_state = GuardState::localized;
+  bool x_is_lost = false, x_is_emergency = false;
   std::optional<double> x_stamp_s, x_localized_since_s, x_lost_since_s, x_clear_since_s;
-  std::optional<Side> x_side;
+  std::optional<Side> x_side;      ///< of the wall that is followed
+  std::optional<double> x_hold_m;  ///< at least this far from it
 };
 
 /** Merges the steering of who steers now with that of who steered before: at a change the command goes on from where it
@@ -101,7 +110,7 @@ class SteeringHandover {
  private:
   GuardOptions x_options;
   std::optional<GuardState> x_state;
-  double x_command_rad = 0, x_off_rad = 0;
+  double x_command_rad = 0, x_off_rad = 0, x_rate_rps = 0;
 };
 
 }  // namespace raceloc

@@ -24,6 +24,7 @@ using Path = std::vector<PathPoint>;
 /** Section [wall_path]. */
 struct WallPathOptions {
   double gap_m = 3;
+  double least_gap_m = 1.5;
   double step_m = 1;
   double horizon_s = 2;
   double min_length_m = 20;
@@ -40,14 +41,14 @@ struct WallPath {
   Path points;       ///< every step_m, from the rear axle on
   double valid_m;    ///< so far along the path the wall was seen
   double settled_m;  ///< from here on it keeps the gap; may be beyond valid_m
-  /** The wall itself bends no more than lateral_limit_mps2 allows at this speed, and the shift to the gap keeps to its
-   * limits: false says that the car is too fast for what lies ahead. */
+  /** Its curvature is within lateral_limit_mps2 / v^2 and the shift keeps to its limits: false says that the car is too
+   * fast for what lies ahead. */
   bool drivable;
 };
 
 /** p_w(x) of the paper, eq. (wall_path), plus a shift that begins at the car's place, heading and curvature, and ends at
  * none of the three: a quintic, as long as its curvature (shift_limit_mps2 / v^2) and curvature rate
- * (shift_limit_mps3 / v^3) ask.
+ * (shift_limit_mps3 / v^3) ask; shorter where it would come nearer to the wall than least_gap_m and than the car is.
  * \param wall             of the newest scan
  * \param gap_m            > 0, on the car's side of the wall
  * \param speed_mps        >= 0; forward
