@@ -85,8 +85,6 @@ PathPoint beside(const Path& path, const Eigen::Vector2d& p_m) {
           curvatureAt(path, near.s_m + along_m)};
 }
 
-Pose poseOf(const PathPoint& q) { return poseFromRpy({q.x_m, q.y_m, 0}, 0, 0, q.heading_rad); }
-
 /** A path as it lies about a car. \param path  at least one point \param up_body  in the car's axes */
 PathAhead aheadOn(const Path& path, const Pose& T_path_body, double speed_mps,
                   const Eigen::Vector3d& up_body) {
@@ -144,7 +142,6 @@ class LoopDrive {
         x_told(told),
         x_options(options),
         x_guard_options(guard),
-        x_path_options(wall_path),
         x_profile(circuit.track, told, file.car, file.driver, circuit.pace),
         x_nobody(circuit.track, told, x_profile, file.car, 0, options.seed),
         x_car(circuit.track, told, x_profile, file.car, file.driver, x_profile.at(options.from_m).speed_mps,
@@ -158,6 +155,7 @@ class LoopDrive {
                     x_car.state().forward_mps, EstimatorOptions()),
         x_finder(WallOptions()),
         x_guard(guard, wall_path),
+        x_follower(wall_path),
         x_handover(guard) {
     for (auto [label, device] : file.lidars) {
       device.rate_hz = 1 / kScan_s;
@@ -242,40 +240,25 @@ class LoopDrive {
     const GuardOutput decided =
         x_guard.update({walls.stamp_s, !x_localizer.alarm(), walls,
                         toldPath(walls.stamp_s, kHorizon_s * speed_mps), speed_mps, curvature_per_m});
+    const double moved_m = x_localizer.between(x_walls_s, walls.stamp_s).translation().norm();
+    x_walls_s = walls.stamp_s;
+    x_along.clear();
     if (decided.path)
-      goAlong(*walls.on(decided.path->side), decided.path->gap_m, walls.stamp_s, speed_mps, curvature_per_m);
+      x_along = x_follower.follow(*walls.on(decided.path->side), decided.path->gap_m, speed_mps,
+                                  curvature_per_m, x_localizer.course_rad(), moved_m);
     else
-      x_along.reset();
+      x_follower.restart();
     const auto& wall = walls.on(x_guard_options.side);
     x_seen_gap_m = wall ? wall->distance_m() : kNone;
-  }
-
-  /** Plans from where the path that was driven until now has come, and not from the car: what the car is off that path
-   * is the tracker's to correct, and a plan that begins at the car corrects it again, later, until the two swing up. The
-   * first path begins along the car's course, which in a turn is not where it points. */
-  void goAlong(const Wall& wall, double gap_m, double stamp_s, double speed_mps, double curvature_per_m) {
-    Pose T_body_begin = poseFromRpy(Eigen::Vector3d::Zero(), 0, 0, x_localizer.course_rad());
-    if (x_along && x_along->side == wall.side) {
-      const Pose T_path_body = x_along->T_path_body * x_localizer.between(x_along->stamp_s, stamp_s);
-      const PathPoint reached = beside(x_along->points, T_path_body.translation().head<2>());
-      const Pose T = T_path_body.inverse() * poseOf(reached);
-      T_body_begin = poseFromRpy({T.translation().x(), T.translation().y(), 0}, 0, 0, yawOf(T));
-      curvature_per_m = reached.curvature_per_m;
-    }
-    x_along = Along{
-        wall.side,
-        planAlong(moved(wall, T_body_begin, 0), gap_m, speed_mps, curvature_per_m, x_path_options).points,
-        T_body_begin.inverse(), stamp_s};
   }
 
   void steer(double now_s) {
     const double stamp_s = kStartStamp_s + now_s;
     const auto [speed_mps, yaw_rate_rps] = x_localizer.rates();
-    const Path path = x_along ? x_along->points : toldPath(stamp_s, kNear_m);
+    const bool by_wall = !x_along.empty();
+    const Path path = by_wall ? x_along : toldPath(stamp_s, kNear_m);
     if (!path.empty()) {
-      const Pose T_path_body =
-          x_along ? Pose(x_along->T_path_body * x_localizer.between(x_along->stamp_s, stamp_s))
-                  : Pose::Identity();
+      const Pose T_path_body = by_wall ? x_localizer.between(x_walls_s, stamp_s) : Pose::Identity();
       x_command_rad = wantedSteering(aheadOn(path, T_path_body, speed_mps, x_localizer.up_body()), speed_mps,
                                      yaw_rate_rps, x_file.car, x_file.driver);
     }
@@ -307,7 +290,6 @@ class LoopDrive {
   const RacingLine& x_told;
   ClosedLoopOptions x_options;
   GuardOptions x_guard_options;
-  WallPathOptions x_path_options;
   SpeedProfile x_profile;
   Traffic x_nobody;
   RaceCar x_car;
@@ -321,16 +303,12 @@ class LoopDrive {
   LoopLocalizer x_localizer;
   WallFinder x_finder;
   Guard x_guard;
+  WallFollower x_follower;
   SteeringHandover x_handover;
   ArrivalQueue<Sample> x_samples;
   ArrivalQueue<std::vector<Scan>> x_sweeps;
-  struct Along {
-    Side side;
-    Path points;
-    Pose T_path_body;  ///< at the stamp
-    double stamp_s;
-  };
-  std::optional<Along> x_along;  ///< the path along a wall that is driven
+  double x_walls_s = kStartStamp_s;  ///< of the newest scan
+  Path x_along;                      ///< along a wall, in the body frame then; empty while no wall leads
   double x_seen_gap_m = kNone;
   double x_command_rad = 0;
 };

@@ -10,6 +10,7 @@
 #include "sim/fault_options.h"
 #include "sim/race.h"
 #include "wall/guard.h"
+#include "wall/wall_follower.h"
 
 namespace raceloc {
 
