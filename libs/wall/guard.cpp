@@ -43,22 +43,25 @@ double wheelClearance_m(const Wall& wall, const PathPoint& at, const GuardOption
 }
 
 Clearance clearanceOf(const Wall& wall, const Path& tracked, double speed_mps, const GuardOptions& options) {
-  constexpr double kSteady_m = 1e-3;  // less than this from point to point is no nearing
+  constexpr double kAlong = 0.005;  // of the way: less is along the wall, whose heading is known to 0.3 deg
   Clearance found;
   found.side = wall.side;
   found.wheel_m = wheelClearance_m(wall, {0, 0, 0, 0, 0}, options);
   if (speed_mps < kSlowest_mps) return found;
   double before_s_m = 0, before_m = found.wheel_m;
   for (const PathPoint& at : tracked) {
-    if (at.s_m <= 0) continue;
     if (at.x_m > wall.to_x_m) break;
     const double now_m = wheelClearance_m(wall, at, options);
+    if (at.s_m <= 0) {  // the car's place, with the path's heading
+      before_m = now_m;
+      continue;
+    }
     // Where between the two points it gets so near.
     const auto timeOf = [&](double limit_m) {
       const double share = before_m > limit_m ? (before_m - limit_m) / (before_m - now_m) : 0;
       return (before_s_m + share * (at.s_m - before_s_m)) / speed_mps;
     };
-    const bool nears = before_m - now_m > kSteady_m;
+    const bool nears = before_m - now_m > kAlong * (at.s_m - before_s_m);
     if (!found.time_to_close_s && nears && now_m < options.emergency_distance_m)
       found.time_to_close_s = timeOf(options.emergency_distance_m);
     if (now_m <= 0) {

@@ -2,6 +2,7 @@
 
 #include <Eigen/Dense>
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <limits>
 
@@ -17,9 +18,10 @@ constexpr double kGate_m = 0.5;     // ... and from what was refined
 constexpr double kNear_m = 20;  // beyond, a cell weighs less: the distance that counts is the one at x = 0
 constexpr double kLeanSigma = 0.5;      // tangent of a bank of 27 deg: what is known before
 constexpr double kReach_m = 10;         // a wall that begins farther ahead or behind says nothing about x = 0
-constexpr double kOwnShare = 0.7;       // of the cluster's cells beside the seed that must lie on the curve
+constexpr double kOwnShare = 0.6;       // of the metres of a seed, in which its face must lie on the curve
 constexpr double kSharedError = 20;     // variance of the mean of cells over that of independent ones
 constexpr double kLeastSigma_m = 0.01;  // of one cell
+constexpr double kMostSigma_m = 0.5;    // of a distance that is worth knowing
 constexpr int kFewest = 6;              // points on a curve of four unknowns
 
 double cauchy(double off_m, double width_m) { return 1 / (1 + (off_m / width_m) * (off_m / width_m)); }
@@ -106,29 +108,28 @@ std::optional<WallFit::Curve> WallFit::seed(std::int32_t cluster, Side side, Win
     const WallCell*& best = nearest[static_cast<std::size_t>(double{c.face_m.x()} - window.from_m)];
     if (best == nullptr || std::abs(c.face_m.y()) < std::abs(best->face_m.y())) best = &c;
   });
-  Eigen::Matrix3d A = 1e-9 * Eigen::Matrix3d::Identity();
-  A(2, 2) = 1e2;  // a bend of 1 / 10 m is one sigma: two cells alone make a straight line
-  Eigen::Vector3d g = Eigen::Vector3d::Zero();
-  int count = 0;
-  for (const WallCell* c : nearest) {
-    if (c == nullptr) continue;
-    const double x_m = double{c->face_m.x()};
-    const Eigen::Vector3d row(1, x_m, x_m * x_m);
-    A += row * row.transpose();
-    g += row * double{c->face_m.y()};
-    ++count;
-  }
-  if (count < kFewest) return std::nullopt;
+  const auto seen =
+      std::count_if(nearest.begin(), nearest.end(), [](const WallCell* c) { return c != nullptr; });
+  if (seen < kFewest) return std::nullopt;
   Curve curve{Eigen::Vector4d::Zero(), Eigen::Vector3d::Zero()};
-  curve.b.head<3>() = A.ldlt().solve(g);
+  for (const double width_m : {1e3, 1.0, 0.3}) {
+    Eigen::Matrix3d A = Eigen::Vector3d(1e-9, 1e-9, 1e2).asDiagonal();  // a bend of 1 / 10 m is one sigma
+    Eigen::Vector3d g = Eigen::Vector3d::Zero();
+    for (const WallCell* c : nearest) {
+      if (c == nullptr) continue;
+      const double x_m = double{c->face_m.x()};
+      const Eigen::Vector3d row(1, x_m, x_m * x_m);
+      const double weight = cauchy(curve.off_m(c->face_m), width_m);
+      A += weight * row * row.transpose();
+      g += weight * double{c->face_m.y()} * row;
+    }
+    curve.b.head<3>() = A.ldlt().solve(g);
+  }
   if (!refine(curve, window, kSeedGate_m) || !refine(curve, window, kGate_m)) return std::nullopt;
-  int ours = 0, on_curve = 0;
-  forCells(window, [&](const WallCell& c) {
-    if (!isOurs(c)) return;
-    ++ours;
-    on_curve += std::abs(curve.off_m(c.face_m)) < kGate_m ? 1 : 0;
+  const auto on_curve = std::count_if(nearest.begin(), nearest.end(), [&](const WallCell* c) {
+    return c != nullptr && std::abs(curve.off_m(c->face_m)) < kGate_m;
   });
-  if (on_curve < kOwnShare * ours) return std::nullopt;
+  if (static_cast<double>(on_curve) < kOwnShare * static_cast<double>(seen)) return std::nullopt;
   return curve;
 }
 
@@ -252,7 +253,8 @@ std::optional<Wall> WallFit::from(std::int32_t cluster, Side side) {
   }
   const Wall wall = wallOf(*curve, window, side);
   const double x_m = std::clamp(0.0, wall.from_x_m, wall.to_x_m);
-  const bool is_wall = wall.residual_m <= x_options.max_residual_m &&
+  const bool is_wall = wall.distanceSigma_m() <= kMostSigma_m &&
+                       wall.residual_m <= x_options.max_residual_m &&
                        wall.length_m >= x_options.min_length_m && wall.distance_m() > 0 &&
                        wall.distance_m() <= x_options.max_distance_m &&
                        std::abs(std::atan(wall.slope(x_m))) <= x_options.max_heading_deg * kDegree &&

@@ -2,6 +2,7 @@
  * Scans of a car that drives a shipped circuit, with the truth about the walls beside it. */
 #pragma once
 
+#include <algorithm>
 #include <cmath>
 #include <optional>
 #include <string>
@@ -26,16 +27,15 @@ class ScannedLap {
       : x_lap(track, car, seed),
         x_world(sceneryMesh(x_lap.circuit, seed)),
         x_traffic(x_lap.circuit.track, x_lap.line, x_lap.profile, x_lap.file.car, cars, seed) {
-    for (const auto& [label, options] : x_lap.file.lidars) {
-      x_devices.push_back(options);
-      x_lidars.emplace_back(options, label, seed);
-    }
+    for (const auto& [label, options] : x_lap.file.lidars)
+      x_lidars.push_back({label, options.phase_s, LidarModel(options, label, seed)});
   }
 
-  /** Keeps only the n-th LiDAR. */
-  void keep(std::size_t n) {
-    x_devices = {x_devices[n]};
-    x_lidars = {x_lidars[n]};
+  /** Leaves the other LiDARs out. */
+  void keep(const std::string& label) {
+    x_lidars.erase(std::remove_if(x_lidars.begin(), x_lidars.end(),
+                                  [&](const Lidar& lidar) { return lidar.label != label; }),
+                   x_lidars.end());
   }
 
   [[nodiscard]] double lap_s() const { return x_lap.profile.lap_s(); }
@@ -46,10 +46,11 @@ class ScannedLap {
   [[nodiscard]] DeskewedScan scan(gpu::Context& context, double begin_s) {
     x_lap.driveUntil(begin_s + 0.3);
     std::vector<Scan> scans;
-    for (std::size_t k = 0; k < x_lidars.size(); ++k)
-      scans.push_back(x_lidars[k].sweep(x_lap.motion, x_world, x_traffic, begin_s + x_devices[k].phase_s,
+    for (const Lidar& lidar : x_lidars) {
+      scans.push_back(lidar.model.sweep(x_lap.motion, x_world, x_traffic, begin_s + lidar.phase_s,
                                         static_cast<std::uint64_t>(begin_s * 10)));
-    for (Scan& scan : scans) scan.stamp_s -= kStartStamp_s;
+      scans.back().stamp_s -= kStartStamp_s;
+    }
     const Sweep sweep = sweepOf(std::move(scans));
     SweepPoses T_begin_at;
     const Pose T_begin_map = x_lap.motion.T_map_body(sweep.begin_s).inverse();
@@ -57,8 +58,7 @@ class ScannedLap {
       T_begin_at[k] =
           T_begin_map * x_lap.motion.T_map_body(sweep.begin_s + (sweep.end_s - sweep.begin_s) *
                                                                     static_cast<double>(k) / kSweepSteps);
-    CropOptions crop;
-    return deskew(context, sweep, T_begin_at, crop);
+    return deskew(context, sweep, T_begin_at, {});
   }
 
   [[nodiscard]] Pose T_map_body(double stamp_s) const { return x_lap.motion.T_map_body(stamp_s); }
@@ -104,11 +104,15 @@ class ScannedLap {
   }
 
  private:
+  struct Lidar {
+    std::string label;
+    double phase_s;
+    LidarModel model;
+  };
   Lap x_lap;
   World x_world;
   Traffic x_traffic;
-  std::vector<LidarOptions> x_devices;
-  std::vector<LidarModel> x_lidars;
+  std::vector<Lidar> x_lidars;
 };
 
 }  // namespace raceloc::test

@@ -1,0 +1,59 @@
+/** \file
+ * The detector allocates nothing once it is warm. A program of its own: it replaces malloc, which `new` and Eigen call as
+ * well. */
+#include <gtest/gtest.h>
+
+#include <atomic>
+#include <cstdlib>
+
+#include "support/wall_scene.h"
+#include "wall/wall_detector.h"
+
+#if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
+#define RACELOC_OTHER_MALLOC  // the sanitizer's: not to be replaced
+#endif
+
+namespace {
+std::atomic<long> allocations{0};
+}
+
+#ifndef RACELOC_OTHER_MALLOC
+extern "C" void* __libc_malloc(std::size_t bytes);  // NOLINT(bugprone-reserved-identifier): glibc's own
+extern "C" void* malloc(std::size_t bytes) {
+  ++allocations;
+  return __libc_malloc(bytes);
+}
+#endif
+
+namespace raceloc {
+namespace {
+
+TEST(WallAllocation, IsNoneOnceTheLargestScanWasSeen) {
+  std::vector<Cloud> scans;
+  for (unsigned seed = 1; seed <= 6; ++seed) {
+    test::Random rnd(seed);
+    Cloud cloud;
+    test::addGround(cloud, rnd, 30);
+    test::addWall(cloud, rnd, {rnd.uniform(4, 12), 0.02, 0.001}, -20, 40);
+    test::addWall(cloud, rnd, {rnd.uniform(-12, -4), 0.02, 0.001}, -20, 40);
+    scans.push_back(std::move(cloud));
+  }
+  gpu::Context cpu(gpu::Backend::cpu);
+  WallDetector detector(cpu, {});
+  double stamp_s = 0;
+  for (const Cloud& scan : scans) (void)detector.detect(scan, stamp_s += 0.1, Pose::Identity());
+  const long before = allocations;
+  int walls = 0;
+  for (const Cloud& scan : scans) {
+    const WallScan seen = detector.detect(scan, stamp_s += 0.1, Pose::Identity());
+    walls += (seen.left ? 1 : 0) + (seen.right ? 1 : 0);
+  }
+#ifndef RACELOC_OTHER_MALLOC
+  EXPECT_GT(before, 0) << "malloc is not ours";
+  EXPECT_EQ(allocations - before, 0);
+#endif
+  EXPECT_EQ(walls, 12);
+}
+
+}  // namespace
+}  // namespace raceloc
