@@ -25,6 +25,7 @@ constexpr std::uint64_t kTicksPerScan = 10;
 constexpr double kScan_s = kTicksPerScan * kTick_s;
 constexpr double kSettle_s = 0.3;         // the simulated driver steers until sensors and scans are there
 constexpr double kHorizon_s = 2;          // of the line that the guard is told
+constexpr double kMostOffset_m = 1;       // that is steered against: a line is approached no steeper
 constexpr double kNear_m = 20;            // of the line that the tracker needs
 constexpr double kScanLatency_s = 0.04;   // of the LiDAR, and of finding the wall
 constexpr double kMatchLatency_s = 0.06;  // of a scan match
@@ -93,13 +94,33 @@ PathAhead aheadOn(const Path& path, const Pose& T_path_body, double speed_mps,
   const double curvature_per_m = curvatureAt(path, here.s_m + speed_mps * kReaction_s);
   const double left_m =
       (Eigen::Rotation2Dd(-here.heading_rad) * (p_m - Eigen::Vector2d(here.x_m, here.y_m))).y();
-  return {left_m,
+  return {std::clamp(left_m, -kMostOffset_m, kMostOffset_m),
           yawOf(T_path_body),
           here.heading_rad,
           curvature_per_m,
           -curvature_per_m * up_body.y() / up_body.z(),  // a level turn, seen from a road that leans
           up_body.y(),
           up_body.z()};
+}
+
+/** What a car drives that tracks a line: from where it is onto the line, as aheadOn() lets it.
+ * \param line  body frame \param ahead_m  at which the tracker looks */
+Path driven(const Path& line, double ahead_m) {
+  if (line.empty()) return {};
+  const PathPoint here = beside(line, Eigen::Vector2d::Zero());
+  double off_m = (Eigen::Rotation2Dd(-here.heading_rad) * -Eigen::Vector2d(here.x_m, here.y_m)).y();
+  Path path;
+  for (PathPoint q : line) {
+    q.s_m -= here.s_m;
+    if (q.s_m < 0) continue;
+    const double slope = -std::clamp(off_m, -kMostOffset_m, kMostOffset_m) / ahead_m;
+    off_m += slope * (q.s_m - (path.empty() ? 0 : path.back().s_m));
+    q.x_m -= off_m * std::sin(q.heading_rad);
+    q.y_m += off_m * std::cos(q.heading_rad);
+    q.heading_rad += std::atan(slope);
+    path.push_back(q);
+  }
+  return path;
 }
 
 /** Scans to walls, as the module in the car makes them. */
@@ -237,9 +258,10 @@ class LoopDrive {
     const WallScan walls = x_finder.look(std::move(scans), x_localizer);
     const auto [speed_mps, yaw_rate_rps] = x_localizer.rates();
     const double curvature_per_m = yaw_rate_rps / std::max(1.0, speed_mps);
-    const GuardOutput decided =
-        x_guard.update({walls.stamp_s, !x_localizer.alarm(), walls,
-                        toldPath(walls.stamp_s, kHorizon_s * speed_mps), speed_mps, curvature_per_m});
+    const GuardOutput decided = x_guard.update(
+        {walls.stamp_s, !x_localizer.alarm(), walls,
+         driven(toldPath(walls.stamp_s, kHorizon_s * speed_mps), x_file.driver.lookahead_s * speed_mps),
+         speed_mps, curvature_per_m});
     const double moved_m = x_localizer.between(x_walls_s, walls.stamp_s).translation().norm();
     x_walls_s = walls.stamp_s;
     x_along.clear();
@@ -317,20 +339,27 @@ class LoopDrive {
 
 std::vector<Fault> everySourceDrifts(const Track& track, const CarFile& car, double there_m, double from_s,
                                      double to_s, double drift_mps) {
+  std::vector<std::string> sources;
+  for (const auto& device : car.gps) sources.push_back(device.first);
+  sources.emplace_back(kMatchLabel);
   std::vector<Fault> faults;
-  const auto add = [&](const std::string& source) {
-    Fault fault;
-    fault.section = "fault_" + source;
-    fault.kind = FaultKind::gps_ramp;
-    fault.labels = source;
-    fault.from_s = from_s;
-    fault.to_s = to_s;
-    fault.rate_mps = drift_mps * (1 + 0.5 * static_cast<double>(faults.size()));
-    fault.direction_deg = yawOf(track.at(there_m).T_map_road) / kDegree + 90;
-    faults.push_back(fault);
-  };
-  for (const auto& device : car.gps) add(device.first);
-  add(kMatchLabel);
+  double times = 1;
+  for (const auto& source : sources) {
+    Fault drift;
+    drift.section = "fault_" + source;
+    drift.kind = FaultKind::gps_ramp;
+    drift.labels = source;
+    drift.from_s = from_s;
+    drift.to_s = to_s;
+    drift.rate_mps = times * drift_mps;
+    drift.direction_deg = yawOf(track.at(there_m).T_map_road) / kDegree + 90;
+    Fault noise = drift;
+    noise.kind = FaultKind::gps_noise;
+    noise.sigma_m = 1;
+    faults.push_back(drift);
+    faults.push_back(noise);
+    times += 0.5;
+  }
   return faults;
 }
 
@@ -388,8 +417,8 @@ RacingLine lineAlongWall(const Circuit& circuit, const CarOptions& car, Side sid
 RacingLine shiftedLine(const Track& track, const RacingLine& line, double from_m, double to_m, double ramp_m,
                        double shift_m) {
   const auto smooth = [](double x) {  // no jump of direction or curvature
-    const double t = std::clamp(x, 0.0, 1.0);
-    return t * t * t * (10 - t * (15 - 6 * t));
+    const double u = std::clamp(x, 0.0, 1.0);
+    return u * u * u * (10 - u * (15 - 6 * u));
   };
   return lineOf(track, [&](double s_m) {
     return line.at(s_m).n_m - shift_m * smooth((s_m - from_m) / ramp_m) * smooth((to_m - s_m) / ramp_m);

@@ -28,7 +28,7 @@ DESCRIPTION
   with a feed-forward of curvature and tyre slip, is a means of this test and no product.
 
   When localization fails: the car is told to drive beside the right wall, --gap from it. After 2 s every receiver and the
-  scan match drift off to the inside for --fail-for seconds, at 1, 1.5, 2, ... times --drift, so that no two agree; or
+  scan match drift off to the left for --fail-for seconds, at 1, 1.5, 2, ... times --drift and with 1 m of noise; or
   --faults says what goes wrong (ini/sim/faults; the scan match is a receiver labelled scan_match).
   When the path is wrong: with --shift the car is told the racing line, which after 150 m runs up to so far to the right
   of where it should, for 350 m, into the wall.
@@ -141,12 +141,12 @@ void print(const char* name, const ClosedLoopDrive& drive, double gap_m) {
 std::optional<ClosedLoopArgs> parseClosedLoop(std::vector<std::string> words) {
   CommandLine cmd(kManual);
   Text seed("", "seed", "of all noise and biases (default 1)", false, "1", "N", cmd);
-  Text lidars("", "lidars", "those that look for walls (default 'lidar_front lidar_right')", false,
-              "lidar_front lidar_right", "LABELS", cmd);
+  Text lidars("", "lidars", "those that look for walls (default lidar_front)", false, "lidar_front", "LABELS",
+              cmd);
   Text shift("", "shift", "the racing line is told so far to the right of where it is [m]", false, "", "M",
              cmd);
   Text faults("", "faults", "what goes wrong, instead of the drift", false, "", "FAULTS.ini", cmd);
-  Text drift("", "drift", "of the first receiver (default 6) [m/s]", false, "6", "MPS", cmd);
+  Text drift("", "drift", "of the first receiver (default 4) [m/s]", false, "4", "MPS", cmd);
   Text fail_for("", "fail-for", "how long every source drifts (default 2) [s]", false, "2", "S", cmd);
   Text gap("", "gap", "from the rear axle's middle to the wall (default 3) [m]", false, "3", "M", cmd);
   Text speed("", "speed", "as fast as the tyres allow, but no faster (default 62) [m/s]", false, "62", "MPS",

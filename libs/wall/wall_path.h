@@ -29,8 +29,8 @@ struct WallPathOptions {
   double horizon_s = 2;
   double min_length_m = 20;
   double lateral_limit_mps2 = 20;
-  double shift_limit_mps2 = 4;
-  double shift_limit_mps3 = 8;
+  double shift_limit_mps2 = 6;
+  double shift_limit_mps3 = 20;
   void describe(OptionList& keys);
 };
 

@@ -19,12 +19,12 @@ using ::testing::UnorderedElementsAre;
 
 constexpr double kSpeed_mps = 62, kGap_m = 3, kFailAt_s = 2;
 
-/** A circuit that is driven as fast as the tyres allow, up to kSpeed_mps, with a LiDAR in front and one to the right. */
+/** A circuit that is driven as fast as the tyres allow, up to kSpeed_mps, with one 120-degree LiDAR in front. */
 struct Course {
   explicit Course(const std::string& track)
       : circuit(fast(readCircuit(ROOT "/share/tracks/" + track + ".ini"))),
         car(readCarFile(ini("sim/indy.ini"))),
-        loop(circuit, car, "lidar_front lidar_right", 1) {
+        loop(circuit, car, "lidar_front", 1) {
     wall_path.gap_m = kGap_m;
   }
   static Circuit fast(Circuit circuit) {
@@ -34,7 +34,7 @@ struct Course {
   [[nodiscard]] ClosedLoopDrive drive(const RacingLine& told, const ClosedLoopOptions& options) const {
     return loop.drive(told, options, guard, wall_path);
   }
-  [[nodiscard]] ClosedLoopOptions failing(double from_m, double fail_for_s, double drift_mps = 6) const {
+  [[nodiscard]] ClosedLoopOptions failing(double from_m, double fail_for_s, double drift_mps = 4) const {
     ClosedLoopOptions options;
     options.from_m = from_m;
     options.duration_s = kFailAt_s + fail_for_s + 4;
