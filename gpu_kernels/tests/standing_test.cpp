@@ -91,8 +91,9 @@ TEST_P(Standing, TakesAStackOfThreeHoweverFar) {  // 128 beams over 45 deg are 0
 TEST_P(Standing, LeavesSlopesAndKerbsAlone) {
   Points p;
   const double rise = std::tan(24 * M_PI / 180);
-  for (double x = -20; x < 20; x += 0.07)
-    for (double y = -20; y < 20; y += 0.07) {
+  for (int i = -280; i < 280; ++i)
+    for (int j = -280; j < 280; ++j) {
+      const double x = 0.07 * i, y = 0.07 * j;
       const double along = 0.8 * x + 0.6 * y;  // across the cells
       push(p, x, y, rise * along + 0.01 * std::sin(40 * x * y));
     }

@@ -14,13 +14,14 @@ namespace {
 
 constexpr double kSeedHalf_m = 10;  // of the wall that is fitted first, beside the car
 constexpr double kSeedGate_m = 1;   // what is farther from the first guess is not of the wall ...
-constexpr double kGate_m = 0.5;     // ... and from what was refined
+constexpr double kGate_m = 0.8;     // ... and from what was refined
 constexpr double kNear_m = 20;  // beyond, a cell weighs less: the distance that counts is the one at x = 0
 constexpr double kLeanSigma = 0.5;      // tangent of a bank of 27 deg: what is known before
 constexpr double kReach_m = 10;         // a wall that begins farther ahead or behind says nothing about x = 0
 constexpr double kOwnShare = 0.6;       // of the metres of a seed, in which its face must lie on the curve
 constexpr double kSharedError = 20;     // variance of the mean of cells over that of independent ones
 constexpr double kLeastSigma_m = 0.01;  // of one cell
+constexpr double kEndResidual = 2;      // of the wall's own: where a turn begins, no parabola fits for long
 constexpr double kMostSigma_m = 0.5;    // of a distance that is worth knowing
 constexpr int kFewest = 6;              // points on a curve of four unknowns
 
@@ -69,7 +70,7 @@ std::optional<Wall> WallFit::find(Side side) {
   std::sort(x_long.begin(), x_long.end(),
             [&](auto a, auto b) { return std::pair(distance_m(a), a) < std::pair(distance_m(b), b); });
   for (std::size_t k = 0; k < std::min(kTried, x_long.size()); ++k)
-    if (const auto wall = from(x_long[k], side)) return wall;
+    if (auto wall = from(x_long[k], side)) return wall;
   return std::nullopt;
 }
 
@@ -198,7 +199,8 @@ std::optional<bool> WallFit::fits(const Curve& curve, double from_m, double to_m
     if (off_m < kGate_m) x_off_m.push_back(off_m);
   });
   if (x_off_m.size() < kFewestCells) return std::nullopt;
-  return quantile(x_off_m.data(), x_off_m.data() + x_off_m.size(), 0.5) <= x_options.max_residual_m;
+  return quantile(x_off_m.data(), x_off_m.data() + x_off_m.size(), 0.5) <=
+         kEndResidual * x_options.max_residual_m;
 }
 
 Wall WallFit::wallOf(const Curve& curve, const Window& window, Side side) {

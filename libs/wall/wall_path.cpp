@@ -66,7 +66,8 @@ struct Line {
 Path arcPath(double curvature_per_m, double length_m) {
   constexpr double kStep_m = 1;
   Path path;
-  for (double s_m = 0; s_m <= length_m; s_m += kStep_m) {
+  for (int k = 0; k * kStep_m <= length_m; ++k) {
+    const double s_m = k * kStep_m;
     const Pose T = arc(s_m, curvature_per_m * s_m);
     path.push_back({s_m, T.translation().x(), T.translation().y(), curvature_per_m * s_m, curvature_per_m});
   }
@@ -102,8 +103,10 @@ WallPath planAlong(const Wall& wall, double gap_m, double speed_mps, double curv
   const auto keepsOff = [&] {
     // From where the car is, or from least_gap_m on, it comes no nearer.
     const double least_m = std::min(options.least_gap_m, wall.clearance_m({0, 0})) - 0.05;
-    for (double x_m = 0; x_m < line.shift.length_m; x_m += options.step_m)
+    for (int k = 0; k * options.step_m < line.shift.length_m; ++k) {
+      const double x_m = k * options.step_m;
       if (wall.clearance_m({x_m, line.y_m(x_m)}) < least_m) return false;
+    }
     return true;
   };
   line.shift.length_m = kShortest_m;
@@ -118,7 +121,8 @@ WallPath planAlong(const Wall& wall, double gap_m, double speed_mps, double curv
   const double curvature_limit_per_m = options.lateral_limit_mps2 / (v_mps * v_mps);
   constexpr double kSteepest = 1;  // beyond, y over x is no way to write a path
   double x_m = 0;
-  for (double s_m = 0; s_m <= length_m && std::abs(line.slope(x_m)) <= kSteepest; s_m += options.step_m) {
+  for (int k = 0; k * options.step_m <= length_m && std::abs(line.slope(x_m)) <= kSteepest; ++k) {
+    const double s_m = k * options.step_m;
     const double curvature = line.curvature_per_m(x_m);
     path.points.push_back({s_m, x_m, line.y_m(x_m), std::atan(line.slope(x_m)), curvature});
     if (x_m <= wall.to_x_m) path.valid_m = s_m;

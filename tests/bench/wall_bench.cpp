@@ -20,6 +20,7 @@ const std::vector<DeskewedScan>& scans(bool is_oval) {
     lap.keep("lidar_top");
     gpu::Context cpu(gpu::Backend::cpu);
     std::vector<DeskewedScan> out;
+    out.reserve(16);
     for (int i = 0; i < 16; ++i) out.push_back(lap.scan(cpu, 1 + i * (lap.lap_s() - 3) / 16));
     return out;
   };

@@ -40,6 +40,7 @@ std::vector<WallScan> wallsIn(const std::vector<Cloud>& scans) {
   o.keep_s = 0;
   WallDetector detector(cpu, o);
   std::vector<WallScan> walls;
+  walls.reserve(scans.size());
   for (const Cloud& scan : scans)
     walls.push_back(detector.detect(scan, 0.1 * static_cast<double>(walls.size()), Pose::Identity()));
   return walls;

@@ -96,8 +96,8 @@ TEST_F(Detector, TakesTheWallBeforeTheGrandstand) {
 TEST_F(Detector, SeesNoWallAcrossTheRoad) {
   Cloud cloud;
   addGround(cloud, rnd);
-  for (double y = -15; y < 15; y += 0.2)  // an overpass that is seen from below, and a row of tyres
-    for (double z = 0; z < 1.5; z += 0.1) {
+  for (const double y : test::steps(-15, 15, 0.2))  // an overpass that is seen from below, and a row of tyres
+    for (const double z : test::steps(0, 1.5, 0.1)) {
       cloud.push(Eigen::Vector3d(30, y, 5 + z).cast<float>());
       if (y < -5) cloud.push(Eigen::Vector3d(20, y, test::kRoad_m + z).cast<float>());
     }
@@ -161,7 +161,7 @@ class GuardUnit : public ::testing::Test {
 /** A straight path that turns towards the wall on the right. */
 Path towardsTheWall(double angle_rad) {
   Path path;
-  for (double s_m = 0; s_m < 150; s_m += 1)
+  for (const double s_m : test::steps(0, 150, 1))
     path.push_back({s_m, s_m * std::cos(angle_rad), -s_m * std::sin(angle_rad), -angle_rad, 0});
   return path;
 }
