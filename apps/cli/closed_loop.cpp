@@ -26,6 +26,7 @@ constexpr double kScan_s = kTicksPerScan * kTick_s;
 constexpr double kSettle_s = 0.3;         // the simulated driver steers until sensors and scans are there
 constexpr double kHorizon_s = 2;          // of the line that the guard is told
 constexpr double kMostOffset_m = 1;       // that is steered against: a line is approached no steeper
+constexpr double kMostGrip = 0.95;        // of the tyres, at which the speed is planned
 constexpr double kNear_m = 20;            // of the line that the tracker needs
 constexpr double kScanLatency_s = 0.04;   // of the LiDAR, and of finding the wall
 constexpr double kMatchLatency_s = 0.06;  // of a scan match
@@ -376,6 +377,7 @@ ClosedLoop::ClosedLoop(const Circuit& circuit, const CarFile& car, const std::st
   for (const auto& device : car.lidars)
     if (matchesLabel(lidars, device.first)) x_car.lidars.push_back(device);
   x_car.driver.wander_m = 0;
+  x_car.driver.grip_share = kMostGrip;
   if (x_car.gps.empty() || x_car.imus.empty() || x_car.vehicles.empty() || x_car.lidars.empty())
     throw InputError("car " + car.path + ": a closed loop needs a receiver, an IMU, a vehicle and a LiDAR");
   for (const auto& [label, gps] : x_car.gps)

@@ -24,7 +24,7 @@ using Path = std::vector<PathPoint>;
 /** Section [wall_path]. */
 struct WallPathOptions {
   double gap_m = 3;
-  double least_gap_m = 1.5;
+  double least_gap_m = 2;
   double step_m = 1;
   double horizon_s = 2;
   double min_length_m = 20;
