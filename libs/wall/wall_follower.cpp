@@ -35,7 +35,15 @@ void WallFollower::plan(const Wall& wall, double gap_m, double speed_mps, double
   WallPathOptions options = x_options;
   options.horizon_s = kWhole_s;
   const Wall seen = moved(wall, poseFromRpy(Eigen::Vector3d::Zero(), 0, 0, course_rad), 0);
-  const WallPath path = planAlong(seen, gap_m, speed_mps, curvature_per_m, options);
+  // Of what keeps off the wall, the best that the tyres can do.
+  constexpr double kStep_m = 0.25;
+  const double most_per_m = options.lateral_limit_mps2 / (speed_mps * speed_mps);
+  const auto isTooHard = [&](const PathPoint& p) { return std::abs(p.curvature_per_m) > most_per_m; };
+  WallPath path = planAlong(seen, gap_m, speed_mps, curvature_per_m, options);
+  while (options.least_gap_m > 0 && std::any_of(path.points.begin(), path.points.end(), isTooHard)) {
+    options.least_gap_m = std::max(0.0, options.least_gap_m - kStep_m);
+    path = planAlong(seen, gap_m, speed_mps, curvature_per_m, options);
+  }
   x_shifts.clear();
   for (const PathPoint& p : path.points) {
     const double clearance_m = seen.clearance_m({p.x_m, p.y_m});
