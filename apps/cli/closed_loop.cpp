@@ -50,9 +50,10 @@ Path linePath(const Track& track, const RacingLine& line, const Eigen::Vector3d&
   const Pose T_body_map =
       (T_map_surface * Eigen::AngleAxisd(heading_rad, Eigen::Vector3d::UnitZ())).inverse();
 
-  constexpr double kStep_m = 1, kBehind_m = 5;
+  constexpr int kBehind_m = 5;
   Path path;
-  for (double s_m = -kBehind_m; s_m <= ahead_m; s_m += kStep_m) {
+  for (int at_m = -kBehind_m; at_m <= ahead_m; ++at_m) {
+    const double s_m = at_m;
     const auto point = line.at(place->s_m + s_m);
     const Pose T_body_point = T_body_map * track.surface(place->s_m + s_m, point.n_m).T_map_surface;
     const Eigen::Vector3d p_m = T_body_point.translation();
@@ -367,8 +368,9 @@ std::vector<Fault> everySourceDrifts(const Track& track, const CarFile& car, dou
 ClosedLoop::ClosedLoop(const Circuit& circuit, const CarFile& car, const std::string& lidars,
                        std::uint64_t seed)
     : x_circuit(circuit), x_car(car), x_world(sceneryMesh(circuit, seed)) {
-  constexpr double kLevel_m = 0.5, kStep_m = 20;  // linePath() sees the road from above
-  for (double s_m = 0; s_m < circuit.track.length_m(); s_m += kStep_m)
+  constexpr double kLevel_m = 0.5;  // linePath() sees the road from above
+  constexpr int kStep_m = 20;
+  for (int s_m = 0; s_m < circuit.track.length_m(); s_m += kStep_m)
     if (std::abs(circuit.track.at(s_m).T_map_road.translation().z()) > kLevel_m)
       throw InputError("track " + circuit.path +
                        ": a closed loop needs a circuit that is level along its centre line");

@@ -7,10 +7,10 @@ namespace raceloc {
 
 LoopLocalizer::LoopLocalizer(const Pose& T_map_body, double stamp_s, double speed_mps,
                              const EstimatorOptions& options)
-    : x_motion(MotionOptions()),
+    : x_T_map_body(T_map_body),
       x_fusion(options, {}, startState(T_map_body.translation().head<2>(), yawOf(T_map_body), options.fusion),
                Control{stamp_s, speed_mps, 0}),
-      x_T_map_body(T_map_body),
+      x_motion(MotionOptions()),
       x_stamp_s(stamp_s),
       x_rates{speed_mps, 0} {}
 

@@ -40,12 +40,13 @@ class LoopLocalizer {
   void moveTo(double stamp_s);
   void enter(const InsPose& pose);
 
-  MotionHistory x_motion;
+  // What is aligned to 16 bytes comes first: less padding.
+  Pose x_T_map_body;                    ///< attitude and height as last matched, moved on to x_stamp_s
+  std::optional<InsPose> x_last_match;  ///< believed
   FusionHistory x_fusion;
-  Pose x_T_map_body;  ///< attitude and height as last matched, moved on to x_stamp_s
+  MotionHistory x_motion;
   double x_stamp_s;
   MotionHistory::Rates x_rates;
-  std::optional<InsPose> x_last_match;  ///< believed
   bool x_alarm = false;
 };
 
