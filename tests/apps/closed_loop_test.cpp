@@ -147,9 +147,9 @@ TEST(ClosedLoop, SameArgumentsSameBitsOnAnyNumberOfThreads) {
 // ---- The command
 
 std::vector<std::string> loopCommand(const std::string& out, const std::vector<std::string>& more) {
-  std::vector<std::string> command{
-      app("raceloc-sim"),  "closed-loop", "--track", ROOT "/share/tracks/lvms.ini", "--car",
-      ini("sim/indy.ini"), "-o",          out};
+  const std::string track = ROOT "/share/tracks/lvms.ini";
+  std::vector<std::string> command{app("raceloc-sim"),  "closed-loop", "--track", track, "--car",
+                                   ini("sim/indy.ini"), "-o",          out};
   command.insert(command.end(), more.begin(), more.end());
   return command;
 }
