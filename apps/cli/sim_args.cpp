@@ -19,6 +19,7 @@ SYNOPSIS
   raceloc-sim --track TRACK --car CAR.ini [--laps N] [--seed S] [--faults FAULTS.ini] -o LOG.rawlog
   raceloc-sim --track TRACK --car CAR.ini --preview PICTURE.png
   raceloc-sim inject --faults FAULTS.ini -i LOG.rawlog -o FAULTY.rawlog
+  raceloc-sim closed-loop --track TRACK --car CAR.ini --from M -o NAME
   raceloc-sim --print-faults
 
 DESCRIPTION
@@ -31,6 +32,8 @@ DESCRIPTION
   is in the log too, as `truth`. The log opens in RawLogViewer. Same options, same seed: the same bytes.
 
   `inject` puts the same faults into a log that you have recorded; messages that no fault touches stay as they are.
+
+  `closed-loop` lets a car steer by what it measures while localization fails, or along a line that leads into the wall.
 
 EXAMPLES
   raceloc-sim --track share/tracks/lvms.ini --car ini/sim/indy.ini --preview lvms.png
@@ -88,10 +91,13 @@ std::optional<SimArgs> parseInject(std::vector<std::string> words) {
 }  // namespace
 
 std::optional<SimArgs> parseSimArgs(int argc, char** argv) {
-  if (argc > 1 && argv[1] == std::string("inject")) {
+  const std::string task = argc > 1 ? argv[1] : "";
+  if (task == "inject" || task == "closed-loop") {
     std::vector<std::string> words(argv + 1, argv + argc);
     words[0] = argv[0];
-    return parseInject(std::move(words));
+    if (task == "inject") return parseInject(std::move(words));
+    if (auto args = parseClosedLoop(std::move(words))) return SimArgs(std::move(*args));
+    return std::nullopt;
   }
   CommandLine cmd(kManual);
   TCLAP::SwitchArg print_faults("", "print-faults", "print an ini with every kind of fault and end", cmd);
@@ -166,6 +172,7 @@ void printFaults() {
 void runSim(const SimArgs& args) {
   if (const auto* race = std::get_if<SimulateArgs>(&args)) simulate(*race);
   if (const auto* log = std::get_if<InjectArgs>(&args)) inject(*log);
+  if (const auto* loop = std::get_if<ClosedLoopArgs>(&args)) runClosedLoop(*loop);
   if (std::holds_alternative<PrintFaults>(args)) printFaults();
 }
 

@@ -5,6 +5,7 @@
 #include <optional>
 #include <variant>
 
+#include "cli/closed_loop_args.h"
 #include "cli/inject.h"
 #include "cli/simulate.h"
 
@@ -12,7 +13,7 @@ namespace raceloc {
 
 struct PrintFaults {};  ///< every kind with its keys
 
-using SimArgs = std::variant<SimulateArgs, InjectArgs, PrintFaults>;
+using SimArgs = std::variant<SimulateArgs, InjectArgs, ClosedLoopArgs, PrintFaults>;
 
 /** Empty after `--help` or `--version`. \throws InputError for arguments that do not fit. */
 [[nodiscard]] std::optional<SimArgs> parseSimArgs(int argc, char** argv);

@@ -68,7 +68,7 @@ double Race::progress() const { return std::clamp(x_car.state().s_m / x_distance
 void Race::driveUntil(double time_s) {
   constexpr double kLost_m = 30, kStuck_s = 60, kStuck_m = 5;
   const auto failed = [&](const std::string& what) {
-    const CarState& x = x_car.state();
+    const RaceCarState& x = x_car.state();
     char place[80];
     std::snprintf(place, sizeof place, " at station %.0f m, %.0f s after the start, at %.1f m/s", x.s_m,
                   x.time_s, x.forward_mps);
@@ -76,7 +76,7 @@ void Race::driveUntil(double time_s) {
   };
   while (x_car.state().time_s < time_s) {
     x_car.step(x_car.state().time_s >= x_stand_s);
-    const CarState& state = x_car.state();
+    const RaceCarState& state = x_car.state();
     x_motion.add(state);
     if (!x_finish_s && state.s_m >= x_distance_m) x_finish_s = state.time_s;
     const RoadFrame road = x_circuit.track.at(state.s_m);

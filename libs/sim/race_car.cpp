@@ -24,7 +24,7 @@ double leftForDriving(const CarOptions& car, double load_n, double across_n) {
 
 }  // namespace
 
-Pose bodyPose(const Track& track, const CarOptions& car, const CarState& state) {
+Pose bodyPose(const Track& track, const CarOptions& car, const RaceCarState& state) {
   return track.surface(state.s_m, state.n_m).T_map_surface *
          Eigen::Translation3d(0, 0, car.axle_height_m + state.heave_m) *
          Eigen::AngleAxisd(state.heading_rad, Eigen::Vector3d::UnitZ()) *
@@ -33,15 +33,17 @@ Pose bodyPose(const Track& track, const CarOptions& car, const CarState& state) 
 }
 
 RaceCar::RaceCar(const Track& track, const RacingLine& line, const SpeedProfile& profile,
-                 const CarOptions& car, const DriverOptions& driver, double start_mps, std::uint64_t seed)
+                 const CarOptions& car, const DriverOptions& driver, double start_mps, std::uint64_t seed,
+                 double start_m)
     : x_track(track),
       x_line(line),
       x_profile(profile),
       x_car(car),
       x_driver(driver),
       x_noise(seed, "driver") {
-  const auto start = line.at(0);
-  x_state.n_m = start.n_m + wander_m(0);
+  const auto start = line.at(start_m);
+  x_state.s_m = start_m;
+  x_state.n_m = start.n_m + wander_m(start_m);
   x_state.heading_rad = start.direction_rad;
   x_state.forward_mps = start_mps;
   x_state.yaw_rate_rps = start_mps * start.curvature_per_m;
@@ -59,7 +61,7 @@ double RaceCar::wander_m(double s_m) const {
   return x_driver.wander_m * std::sqrt(2.0 / kWaves) * sum_m;
 }
 
-RaceCar::Rates RaceCar::ratesAt(const CarState& x, double pull_mps2) const {
+RaceCar::Rates RaceCar::ratesAt(const RaceCarState& x, double pull_mps2) const {
   const SurfacePoint here = x_track.surface(x.s_m, x.n_m);
   const Eigen::Matrix3d R_map_car =
       here.T_map_surface.linear() *
@@ -124,38 +126,20 @@ RaceCar::Rates RaceCar::ratesAt(const CarState& x, double pull_mps2) const {
   return d;
 }
 
-double RaceCar::wantedSteering(const SurfacePoint& here) const {
-  // Look ahead along the line; aim with the course that the rear axle will settle at. Source: Kapania and Gerdes,
-  // Vehicle System Dynamics 53 (2015): lookahead feedback with the sideslip of the steady turn.
-  const CarState& x = x_state;
-  const double v = std::max(x.forward_mps, 1.0);
-  const double ahead_m = std::max(x_driver.lookahead_min_m, x_driver.lookahead_s * v);
+double RaceCar::driversSteering() const {
+  const RaceCarState& x = x_state;
+  const SurfacePoint here = x_track.surface(x.s_m, x.n_m);
   const auto line = x_line.at(x.s_m);
-  constexpr double kReaction_s = 0.1;
-  const auto soon = x_line.at(x.s_m + kReaction_s * v / std::max(0.2, here.stretch));
-  const double feedback = kDegree * x_driver.steering_gain_deg_per_m * 10 / std::max(v, 10.0);
-  // What the tyres need in the steady turn: the Magic Formula, inverted, per axle.
-  const double across_mps2 = v * v * soon.curvature_per_m + kGravity_mps2 * here.T_map_surface.linear()(2, 1);
-  const double pressure = 0.5 * kAirDensity_kgpm3 * v * v / x_car.mass_kg;
-  const double weight_mps2 = v * v * soon.dip_per_m + kGravity_mps2 * here.T_map_surface.linear()(2, 2);
-  const auto slip = [&](double share, double downforce_area_m2) {
-    constexpr double kMostUse = 0.98;
-    const double load_mps2 = std::max(0.1, share * weight_mps2 + pressure * downforce_area_m2);
-    const double use = std::clamp(share * across_mps2 / (x_car.friction * load_mps2), -kMostUse, kMostUse);
-    return -std::tan(std::asin(use) / x_car.tyre_c) / x_car.tyre_b;
-  };
-  const double front_share = 1 - x_car.front_m / x_car.wheelbase_m;
-  const double front_rad = slip(front_share, x_car.downforce_area_front_m2);
-  const double rear_rad = slip(1 - front_share, x_car.downforce_area_rear_m2);  // the settled sideslip
-  const double offset_m = x.n_m - line.n_m - wander_m(x.s_m);
-  const double heading_error_rad = x.heading_rad + rear_rad - line.direction_rad;
-  return std::atan(x_car.wheelbase_m * soon.curvature_per_m) + rear_rad - front_rad -
-         feedback * (offset_m + ahead_m * std::sin(heading_error_rad)) -
-         x_driver.yaw_damping_s * (x.yaw_rate_rps - v * soon.curvature_per_m);
+  const auto soon =
+      x_line.at(x.s_m + kReaction_s * std::max(x.forward_mps, 1.0) / std::max(0.2, here.stretch));
+  const auto up = here.T_map_surface.linear().row(2);
+  return wantedSteering({x.n_m - line.n_m - wander_m(x.s_m), x.heading_rad, line.direction_rad,
+                         soon.curvature_per_m, soon.dip_per_m, up(1), up(2)},
+                        x.forward_mps, x.yaw_rate_rps, x_car, x_driver);
 }
 
 double RaceCar::wantedPull() const {
-  const CarState& x = x_state;
+  const RaceCarState& x = x_state;
   const auto target = x_profile.at(x.s_m);
   constexpr double kGain_per_s = 1.5;
   const double drag_mps2 =
@@ -169,18 +153,26 @@ double RaceCar::wantedPull() const {
 }
 
 void RaceCar::step(bool drive) {
-  const SurfacePoint here = x_track.surface(x_state.s_m, x_state.n_m);
-  const double most_rad = kDegree * x_car.max_steering_deg;
-  const double most_step_rad = kDegree * x_car.max_steering_rate_dps * kStep_s;
-  const double wanted_rad = std::clamp(wantedSteering(here), -most_rad, most_rad);
-  x_state.steering_rad += std::clamp(wanted_rad - x_state.steering_rad, -most_step_rad, most_step_rad);
+  steer(driversSteering());
   if (drive) roll(wantedPull());
-  x_state.time_s = static_cast<double>(++x_steps) * kStep_s;
   sway();
 }
 
+void RaceCar::stepSteered(double steering_rad) {
+  steer(steering_rad);
+  roll(wantedPull());
+  sway();
+}
+
+void RaceCar::steer(double wanted_rad) {
+  const double most_rad = kDegree * x_car.max_steering_deg;
+  const double most_step_rad = kDegree * x_car.max_steering_rate_dps * kStep_s;
+  const double step_rad = std::clamp(wanted_rad, -most_rad, most_rad) - x_state.steering_rad;
+  x_state.steering_rad += std::clamp(step_rad, -most_step_rad, most_step_rad);
+}
+
 void RaceCar::roll(double pull_mps2) {
-  const auto moved = [](CarState x, const Rates& d, double dt_s) {
+  const auto moved = [](RaceCarState x, const Rates& d, double dt_s) {
     x.s_m += dt_s * d.s;
     x.n_m += dt_s * d.n;
     x.heading_rad += dt_s * d.heading;
@@ -200,7 +192,8 @@ void RaceCar::roll(double pull_mps2) {
 }
 
 void RaceCar::sway() {
-  CarState& x = x_state;
+  RaceCarState& x = x_state;
+  x.time_s = static_cast<double>(++x_steps) * kStep_s;
   const double follow = kStep_s / kSpring_s;
   x_spring_pitch_rad += follow * (-kDegree * x_car.pitch_deg_per_mps2 * x.forward_mps2 - x_spring_pitch_rad);
   x_spring_roll_rad += follow * (kDegree * x_car.roll_deg_per_mps2 * x.leftward_mps2 - x_spring_roll_rad);

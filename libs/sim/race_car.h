@@ -5,13 +5,14 @@
 #include <cstdint>
 
 #include "sim/noise.h"
+#include "sim/path_tracker.h"
 #include "sim/speed_profile.h"
 
 namespace raceloc {
 
 /** Where the car is and how it moves. The motion is that of the rear axle, in the road's surface: x along the
  * car, y to its left. */
-struct CarState {
+struct RaceCarState {
   double time_s = 0;       ///< since the start
   double s_m = 0;          ///< along the centre line, growing from lap to lap
   double n_m = 0;          ///< left of the centre line
@@ -32,22 +33,27 @@ struct CarState {
 };
 
 /** T_map_body: the centre of the rear axle, x forward, y left, z up out of the leaning body. */
-[[nodiscard]] Pose bodyPose(const Track& track, const CarOptions& car, const CarState& state);
+[[nodiscard]] Pose bodyPose(const Track& track, const CarOptions& car, const RaceCarState& state);
 
 /** Single-track model on the banked road: Magic Formula per axle, a friction circle that is never left, and a driver
- * who steers along the racing line at the profile's speed. Track, line and profile must outlive it.
+ * who keeps the profile's speed and steers along the racing line (path_tracker.h), unless someone else steers. Track,
+ * line and profile must outlive it.
  * Source: Rajamani, Vehicle Dynamics and Control, ch. 2 (single track, bank); Pacejka (tyres). */
 class RaceCar {
  public:
-  /** Starts on the racing line at the start line of the circuit.
+  /** Starts on the racing line.
    * \param start_mps  speed at the start
-   * \param seed       of how laps differ from the line and of the vibrations */
+   * \param seed       of how laps differ from the line and of the vibrations
+   * \param start_m    station where it starts */
   RaceCar(const Track& track, const RacingLine& line, const SpeedProfile& profile, const CarOptions& car,
-          const DriverOptions& driver, double start_mps, std::uint64_t seed);
+          const DriverOptions& driver, double start_mps, std::uint64_t seed, double start_m = 0);
 
   /** One step of kStep_s. \param drive  false: held where it is, for a car that stands on the grid */
   void step(bool drive = true);
-  [[nodiscard]] const CarState& state() const { return x_state; }
+  /** One step in which the driver leaves the wheel to someone else, who wants the road wheels at this angle, left
+   * positive; they follow as fast and as far as they can. */
+  void stepSteered(double steering_rad);
+  [[nodiscard]] const RaceCarState& state() const { return x_state; }
   static constexpr double kStep_s = 0.001;
 
  private:
@@ -56,10 +62,11 @@ class RaceCar {
     double forward_force, leftward_force, front_use, rear_use, slip;
   };
   /** Of a state under the tyres' forces and `pull_mps2` of engine or brakes. */
-  [[nodiscard]] Rates ratesAt(const CarState& state, double pull_mps2) const;
-  [[nodiscard]] double wantedSteering(const SurfacePoint& here) const;
+  [[nodiscard]] Rates ratesAt(const RaceCarState& state, double pull_mps2) const;
+  [[nodiscard]] double driversSteering() const;
   [[nodiscard]] double wantedPull() const;
   [[nodiscard]] double wander_m(double s_m) const;
+  void steer(double wanted_rad);
   void roll(double pull_mps2);
   void sway();
 
@@ -69,7 +76,7 @@ class RaceCar {
   CarOptions x_car;
   DriverOptions x_driver;
   Noise x_noise;
-  CarState x_state;
+  RaceCarState x_state;
   std::uint64_t x_steps = 0;
   double x_spring_pitch_rad = 0, x_spring_roll_rad = 0;
 };

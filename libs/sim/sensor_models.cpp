@@ -190,7 +190,7 @@ VehicleModel::VehicleModel(const VehicleOptions& options, std::string label, std
 
 MotionSample VehicleModel::measure(const TrueMotion& motion, double time_s, std::uint64_t number) const {
   const auto& o = x_options;
-  const CarState state = motion.state(time_s);
+  const RaceCarState state = motion.state(time_s);
   const Eigen::Vector3d noise = normals(x_noise, 3 * number);
   return {kStartStamp_s + time_s + o.clock_offset_s, x_label,
           std::max(0.0, state.forward_mps * (1 + state.wheel_slip) * x_speed_scale +

@@ -5,24 +5,25 @@
 
 namespace raceloc {
 
-void TrueMotion::add(const CarState& state) {
+void TrueMotion::add(const RaceCarState& state) {
   x_states.push_back(state);
   while (x_states.back().time_s - x_states.front().time_s > x_memory_s) x_states.pop_front();
 }
 
-CarState TrueMotion::state(double time_s) const {
+RaceCarState TrueMotion::state(double time_s) const {
   if (x_states.size() < 2 || time_s < x_states.front().time_s - 1e-9 ||
       time_s > x_states.back().time_s + 1e-9)
     throw std::out_of_range("TrueMotion: no state at this time");
   const double steps = (time_s - x_states.front().time_s) / RaceCar::kStep_s;
   const auto i = std::min(static_cast<std::size_t>(std::max(0.0, steps)), x_states.size() - 2);
-  const CarState &a = x_states[i], &b = x_states[i + 1];
+  const RaceCarState &a = x_states[i], &b = x_states[i + 1];
   const double share = (time_s - a.time_s) / (b.time_s - a.time_s);
-  CarState x = a;
-  for (auto member : {&CarState::time_s, &CarState::s_m, &CarState::n_m, &CarState::heading_rad,
-                      &CarState::forward_mps, &CarState::leftward_mps, &CarState::yaw_rate_rps,
-                      &CarState::steering_rad, &CarState::pitch_rad, &CarState::roll_rad, &CarState::heave_m,
-                      &CarState::forward_mps2, &CarState::leftward_mps2, &CarState::wheel_slip})
+  RaceCarState x = a;
+  for (auto member : {&RaceCarState::time_s, &RaceCarState::s_m, &RaceCarState::n_m,
+                      &RaceCarState::heading_rad, &RaceCarState::forward_mps, &RaceCarState::leftward_mps,
+                      &RaceCarState::yaw_rate_rps, &RaceCarState::steering_rad, &RaceCarState::pitch_rad,
+                      &RaceCarState::roll_rad, &RaceCarState::heave_m, &RaceCarState::forward_mps2,
+                      &RaceCarState::leftward_mps2, &RaceCarState::wheel_slip})
     x.*member = (1 - share) * a.*member + share * b.*member;
   return x;
 }

@@ -15,11 +15,11 @@ class TrueMotion {
   TrueMotion(const Track& track, const CarOptions& car, double memory_s)
       : x_track(track), x_car(car), x_memory_s(memory_s) {}
 
-  void add(const CarState& state);  ///< one step after the one before
+  void add(const RaceCarState& state);  ///< one step after the one before
 
   /** \name At any time between the oldest and the newest state. \throws std::out_of_range beyond
    * @{ */
-  [[nodiscard]] CarState state(double time_s) const;  ///< interpolated linearly between steps
+  [[nodiscard]] RaceCarState state(double time_s) const;  ///< interpolated linearly between steps
   [[nodiscard]] Pose T_map_body(double time_s) const;
   /** @} */
 
@@ -36,7 +36,7 @@ class TrueMotion {
   const Track& x_track;
   CarOptions x_car;
   double x_memory_s;
-  std::deque<CarState> x_states;
+  std::deque<RaceCarState> x_states;
 };
 
 }  // namespace raceloc

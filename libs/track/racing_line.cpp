@@ -35,7 +35,8 @@ class Bend : public ceres::SizedCostFunction<3, 1, 1, 1> {
   Eigen::Matrix3d x_left;
 };
 
-std::vector<double> leastCurvature(const Track& track, double margin_m, std::size_t knots) {
+std::vector<double> leastCurvature(const Track& track, double margin_m) {
+  const auto knots = static_cast<std::size_t>(std::max(8.0, std::round(track.length_m() / kKnots_m)));
   const double step_m = track.length_m() / static_cast<double>(knots);
   std::vector<RoadFrame> frames;
   frames.reserve(knots);
@@ -82,10 +83,12 @@ PeriodicSpline<1> splineOf(const std::vector<double>& values, double step_m) {
 
 }  // namespace
 
-RacingLine::RacingLine(const Track& track, double margin_m) {
-  const auto knots = static_cast<std::size_t>(std::max(8.0, std::round(track.length_m() / kKnots_m)));
-  x_offset_m =
-      splineOf(leastCurvature(track, margin_m, knots), track.length_m() / static_cast<double>(knots));
+RacingLine::RacingLine(const Track& track, double margin_m)
+    : RacingLine(track, leastCurvature(track, margin_m)) {}
+
+RacingLine::RacingLine(const Track& track, const std::vector<double>& n_m) {
+  if (n_m.size() < 8) throw std::invalid_argument("RacingLine: needs 8 offsets");
+  x_offset_m = splineOf(n_m, track.length_m() / static_cast<double>(n_m.size()));
 
   // The line is p + n left; its tangent in the surface's axes is (stretch of the surface, dn/ds, 0).
   struct Tangent {

@@ -2,6 +2,8 @@
  * The line that a driver takes round a circuit. */
 #pragma once
 
+#include <vector>
+
 #include "track/track.h"
 
 namespace raceloc {
@@ -15,6 +17,9 @@ class RacingLine {
   /** \param margin_m  from the car's centre line to the edges; where the road is narrower than twice that, the
    * line keeps to its middle */
   RacingLine(const Track& track, double margin_m);
+  /** A line as it is given. \param n_m  8 offsets or more to the left of the centre line, at equal steps of it from the
+   * start line on \throws std::invalid_argument for fewer */
+  RacingLine(const Track& track, const std::vector<double>& n_m);
 
   struct Point {
     double n_m;              ///< offset to the left of the centre line

@@ -44,6 +44,7 @@ void GuardOptions::describe(OptionList& keys) {
 
 namespace {
 
+constexpr double kOnward = 0.75;  // of emergency_time_s: so far a wall is taken to go on as where it is seen
 constexpr double kSlowest_mps = 0.1;  // slower, no wall is reached in any time that matters
 
 /** Of the nearer one of the wheels on the wall's side, the body being at a point of a path. */
@@ -64,7 +65,7 @@ Clearance clearanceOf(const Wall& wall, const Path& tracked, double speed_mps, c
   if (speed_mps < kSlowest_mps) return found;
   double before_s_m = 0, before_m = found.wheel_m;
   for (const PathPoint& at : tracked) {
-    if (at.x_m > wall.to_x_m) break;
+    if (at.x_m > std::max(wall.to_x_m, kOnward * options.emergency_time_s * speed_mps)) break;
     const double now_m = wheelClearance_m(wall, at, options);
     if (at.s_m <= 0) {  // the car's place, with the path's heading
       before_m = now_m;

@@ -24,13 +24,13 @@ using Path = std::vector<PathPoint>;
 /** Section [wall_path]. */
 struct WallPathOptions {
   double gap_m = 3;
-  double least_gap_m = 1.5;
+  double least_gap_m = 2;
   double step_m = 1;
   double horizon_s = 2;
   double min_length_m = 20;
   double lateral_limit_mps2 = 20;
-  double shift_limit_mps2 = 4;
-  double shift_limit_mps3 = 8;
+  double shift_limit_mps2 = 6;
+  double shift_limit_mps3 = 20;
   void describe(OptionList& keys);
 };
 

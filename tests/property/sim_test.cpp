@@ -8,6 +8,7 @@
 
 #include "sim/race.h"
 #include "sim/scenery.h"
+#include "sim/wall_gap.h"
 #include "support/forall.h"
 #include "support/lap.h"
 
@@ -77,7 +78,7 @@ TEST_P(Car, KeepsToItsTyresAndItsLine) {
   const double end_s = 1.1 * lap.profile.lap_s();
   while (lap.car.state().time_s < end_s) {
     lap.car.step();
-    const CarState& x = lap.car.state();
+    const RaceCarState& x = lap.car.state();
     ASSERT_LE(x.front_friction_use, 1 + 1e-12) << x.s_m;
     ASSERT_LE(x.rear_friction_use, 1 + 1e-12) << x.s_m;
     ASSERT_LT(x.forward_mps, lap.circuit.pace.top_speed_mps + 0.5) << x.s_m;
@@ -87,6 +88,58 @@ TEST_P(Car, KeepsToItsTyresAndItsLine) {
         << x.s_m;
   }
   EXPECT_GT(lap.car.state().s_m, lap.circuit.track.length_m());
+}
+
+TEST(SteeredCar, FollowsTheCommandAsFastAsItCan) {
+  Lap lap("lvms");
+  const double most_step_rad = kDegree * lap.file.car.max_steering_rate_dps * RaceCar::kStep_s;
+  const double from_rad = lap.car.state().steering_rad, wanted_rad = from_rad + 5.5 * most_step_rad;
+  for (int i = 1; i <= 8; ++i) {
+    lap.car.stepSteered(wanted_rad);
+    EXPECT_NEAR(lap.car.state().steering_rad, from_rad + std::min(i * most_step_rad, 5.5 * most_step_rad),
+                1e-12);  // sums of eight steps
+  }
+  EXPECT_GT(lap.car.state().s_m, 0);
+}
+
+TEST(SteeredCar, StartsAnywhereOnTheLine) {
+  const Lap lap("lvms");
+  const RaceCar car(lap.circuit.track, lap.line, lap.profile, lap.file.car, lap.file.driver, 50, 1, 600);
+  EXPECT_EQ(car.state().s_m, 600);
+  EXPECT_NEAR(car.state().n_m, lap.line.at(600).n_m, lap.file.driver.wander_m * std::sqrt(8));
+  EXPECT_EQ(car.state().yaw_rate_rps, 50 * lap.line.at(600).curvature_per_m);
+}
+
+TEST(WallGap, IsWhatARayFindsAndLeavesTheWheels) {
+  Lap lap("lvms");
+  const auto& [circuit, file] = std::tie(lap.circuit, lap.file);
+  const World world(sceneryMesh(circuit, 1));
+  forAll(50, [&](Random& rnd) {
+    RaceCarState car;
+    car.s_m = rnd.uniform(0, circuit.track.length_m());
+    car.n_m = rnd.uniform(-6, 0);
+    const auto gap_m = wallGap_m(circuit, car.s_m, car.n_m, file.car.axle_height_m, Side::right);
+    ASSERT_TRUE(gap_m.has_value());
+    EXPECT_FALSE(wallGap_m(circuit, 600, 0, 0, Side::left).has_value());  // none inside turn 1
+    const Pose T = circuit.track.surface(car.s_m, car.n_m).T_map_surface *
+                   Eigen::Translation3d(0, 0, file.car.axle_height_m);
+    // Across the road, to the wall as it was built: of chords of 1.5 m (1 mm from the arc), in floats.
+    const Vector3d right = -T.linear().col(1);
+    Hit hit;
+    world.cast(T.translation(), &right, 1, 50, &hit);
+    EXPECT_NEAR(hit.range_m, *gap_m, 5e-3);
+    const double bank_cos = right.head<2>().norm(), level_m = *gap_m * bank_cos;
+    // The car along the road: its outer wheels are half a width nearer, the same in front where the road is straight.
+    const double wheel_m = wheelToWall_m(circuit, file.car, car);
+    const double bend_m =
+        std::abs(circuit.track.at(car.s_m).turn_per_m.z()) * std::pow(file.car.wheelbase_m, 2);
+    EXPECT_NEAR(wheel_m, level_m - 0.5 * file.car.width_m * bank_cos, 5e-3 + bend_m);
+    // Turned to the wall, it touches when the front corner does.
+    car.heading_rad = -rnd.uniform(0.1, 1.5);
+    const double reach_m = file.car.wheelbase_m * std::sin(-car.heading_rad) +
+                           0.5 * file.car.width_m * std::cos(car.heading_rad);
+    EXPECT_NEAR(wheelToWall_m(circuit, file.car, car), level_m - reach_m * bank_cos, 5e-3 + bend_m);
+  });
 }
 
 TEST_P(Car, DriverDoesNotChatterBetweenThrottleAndBrakes) {
@@ -111,14 +164,14 @@ TEST_P(Car, ForcesThatItsMotionTellsOfAreWithinFriction) {
   const double end_s = 0.7 * lap.profile.lap_s(), h_s = 0.005;
   lap.driveUntil(end_s);
   const auto centre_map = [&](double time_s) -> Vector3d {
-    const CarState x = lap.motion.state(time_s);
+    const RaceCarState x = lap.motion.state(time_s);
     return lap.circuit.track.surface(x.s_m, x.n_m).T_map_surface *
            (Eigen::AngleAxisd(x.heading_rad, Vector3d::UnitZ()) *
             Vector3d(car.wheelbase_m - car.front_m, 0, 0));
   };
   double largest_use = 0;
   for (double t = 1; t < end_s - 1; t += 0.05) {
-    const CarState x = lap.motion.state(t);
+    const RaceCarState x = lap.motion.state(t);
     const Eigen::Matrix3d R_map_car = lap.circuit.track.surface(x.s_m, x.n_m).T_map_surface.linear() *
                                       Eigen::AngleAxisd(x.heading_rad, Vector3d::UnitZ()).toRotationMatrix();
     const Vector3d acceleration =
@@ -144,11 +197,11 @@ TEST_P(Car, CourseIsHeadingPlusSideslip) {
     // In the plane of the road, from positions alone. The axle moves with the body's heave and lean, so take the
     // place on the road.
     const auto on_road = [&](double time_s) {
-      const CarState x = lap.motion.state(time_s);
+      const RaceCarState x = lap.motion.state(time_s);
       return lap.circuit.track.surface(x.s_m, x.n_m).T_map_surface;
     };
     const double dt_s = 0.01;
-    const CarState x = lap.motion.state(t);
+    const RaceCarState x = lap.motion.state(t);
     const Pose T_map_road = on_road(t) * Eigen::AngleAxisd(x.heading_rad, Vector3d::UnitZ());
     const Vector3d step =
         T_map_road.linear().transpose() * (on_road(t + dt_s).translation() - on_road(t - dt_s).translation());
@@ -236,7 +289,7 @@ TEST(TrueMotionProperty, SpecificForceInATurnIsWhatTheTyresGive) {
   const double rear_m = lap.file.car.wheelbase_m - lap.file.car.front_m;
   const Vector3d centre(rear_m, 0, 0);
   for (double t = 2; t < lap.profile.lap_s() - 1; t += 0.01) {
-    const CarState x = lap.motion.state(t);
+    const RaceCarState x = lap.motion.state(t);
     const Vector3d force = lap.motion.specificForce_body_mps2(t, centre);
     along.add(force.x() - x.forward_mps2);
     across.add(force.y() - x.leftward_mps2);
@@ -536,7 +589,7 @@ TEST(VehicleProperty, NoiseAndBiasAreAsStated) {
   for (std::uint64_t number = 0; number < 3000; ++number) {
     const double time_s = 0.5 + 0.01 * static_cast<double>(number);
     const MotionSample sample = vehicle.measure(lap.motion, time_s, number);
-    const CarState x = lap.motion.state(time_s);
+    const RaceCarState x = lap.motion.state(time_s);
     speed.add(sample.speed_mps - vehicle.speedScale() * (1 + x.wheel_slip) * x.forward_mps);
     steering.add(*sample.steering_rad - x.steering_rad - vehicle.steeringOffset_rad());
     yaw_rate.add(sample.yaw_rate_rps - lap.motion.gyro_body_rps(time_s).z() - vehicle.yawRateBias_rps());

@@ -321,6 +321,22 @@ TEST(Plots, OfOnePoseAndOfAnHourAreDrawn) {
   EXPECT_LT(errorPicture(hour).size(), 1000000U);  // 36 000 poses, but no more points than a screen has
 }
 
+TEST(Plots, OverTimeBreakWhereThereIsNoValue) {
+  if (!gnuplotIsThere()) GTEST_SKIP() << "gnuplot is not installed";
+  const auto picture = [](double middle) {
+    const TimeCurve curve{"a", {0, 1, 2, 3, 4}, {1, 2, middle, 3, 1}};
+    return timePicture(
+        {{"above [m]", {curve}, {{0.5, "limit"}}}, {"below [m]", {curve, {"b", {0, 4}, {0, 1}}}, {}}},
+        {{1, 2, "dark"}, {3, 4, "dark"}});
+  };
+  const std::string whole = picture(2), broken = picture(std::nan(""));
+  EXPECT_EQ(whole, picture(2));
+  for (const std::string text : {"above [m]", "below [m]", "limit", ">dark<"})
+    EXPECT_THAT(whole, HasSubstr(text));
+  const auto pen_downs = [](const std::string& svg) { return std::count(svg.begin(), svg.end(), 'M'); };
+  EXPECT_EQ(pen_downs(broken), pen_downs(whole) + 2);  // each panel's curve begins once more
+}
+
 TEST(Plots, WithoutGnuplotSayWhatToInstall) {
   const Evaluation e = evaluate(straight("truth"), straight("estimate"), {});
   const char* path = std::getenv("PATH");
