@@ -48,20 +48,6 @@ EXIT STATUS
 constexpr double kFailAt_s = 2, kAfter_s = 4;
 constexpr double kShiftAfter_m = 150, kShiftRamp_m = 100, kShifted_m = 350;
 
-const char* nameOf(GuardState state) {
-  switch (state) {
-    case GuardState::localized:
-      return "localized";
-    case GuardState::wall_following:
-      return "wall_following";
-    case GuardState::emergency:
-      return "emergency";
-    case GuardState::no_wall:
-      return "no_wall";
-  }
-  return "?";
-}
-
 std::string csvText(const ClosedLoopDrive& drive) {
   std::string text =
       "time_s,station_m,speed_mps,steering_command_deg,wheel_to_wall_m,gap_m,seen_gap_m,believed_left_m,"

@@ -100,6 +100,7 @@ Localizer::Localizer(gpu::Context& context, const MapFile& map, const LocalizerO
       x_window(context, map, options.matching.registration.voxel_size_m, options.policy.map_radius_m),
       x_walls(context, options.wall),
       x_guard(options.guard, options.wall_path),
+      x_follower(options.wall_path),
       x_trial_engine(static_cast<unsigned>(options.trial.noise_seed)) {
   (void)Estimator(options.estimator);  // options that contradict each other are refused before the first fix
 }
@@ -380,7 +381,7 @@ void Localizer::beginMatch(const Sweep& sweep, double now_s) {
     result.walls = x_walls.detect(x_whole_scan, sweep.end_s, T_last_now);
     return result;
   };
-  x_job = SweepJob{end_s, now_s + x_options.policy.match_delay_s,
+  x_job = SweepJob{end_s, now_s + x_options.policy.match_delay_s, T_last_now.translation().norm(),
                    std::async(std::launch::async, std::move(work))};
 }
 
@@ -389,7 +390,7 @@ void Localizer::finishMatch() {
   SweepResult result = job.result.get();
   const WallScan walls = result.walls;
   takeMatch(job.end_s, std::move(result));
-  guard(job.end_s, walls);
+  guard(job.end_s, job.moved_m, walls);
 }
 
 void Localizer::takeMatch(double end_s, SweepResult result) {
@@ -427,16 +428,22 @@ void Localizer::takeMatch(double end_s, SweepResult result) {
                           trusted, std::move(result.source.cloud),         result.took_s};
 }
 
-void Localizer::guard(double end_s, const WallScan& walls) {
+void Localizer::guard(double end_s, double moved_m, const WallScan& walls) {
   const EstimatorState now = x_fusion->at(end_s);
   const LocalizationState state = integrityOf(now, poseAt(end_s, now.car)).state;
   const bool is_localized = state == LocalizationState::ok || state == LocalizationState::degraded;
   const auto rates = x_history.ratesBetween(end_s, end_s).value_or(x_last_rates);
   const double speed_mps = std::max(0.0, rates.speed_mps);
   const double curvature_per_m = speed_mps > kStanding_mps ? rates.yaw_rate_rps / speed_mps : 0;
-  x_new_walls =
-      WallReport{walls, x_guard.update({end_s, is_localized, walls, {}, speed_mps, curvature_per_m}),
-                 x_walls.cells(), x_walls.clusters()};
+  GuardOutput decided = x_guard.update({end_s, is_localized, walls, {}, speed_mps, curvature_per_m});
+  if (decided.path) {
+    const double course_rad = now.car.mean(3) + x_fusion->newestControl().slip_rad;
+    decided.path->points = x_follower.follow(*walls.on(decided.path->side), decided.path->gap_m, speed_mps,
+                                             curvature_per_m, course_rad, moved_m);
+  } else {
+    x_follower.restart();
+  }
+  x_new_walls = WallReport{walls, std::move(decided), x_walls.cells(), x_walls.clusters()};
 }
 
 void Localizer::teach(const KnownPose& from, const KnownPose& to) {

@@ -22,6 +22,7 @@
 #include "registration/search.h"
 #include "wall/guard.h"
 #include "wall/wall_detector.h"
+#include "wall/wall_follower.h"
 
 namespace raceloc {
 
@@ -185,12 +186,13 @@ class Localizer {
   };
   struct SweepJob {
     double end_s, due_s;
+    double moved_m;  ///< since the end of the sweep before
     std::future<SweepResult> result;
   };
   void beginMatch(const Sweep& sweep, double now_s);
   void finishMatch();
   void takeMatch(double end_s, SweepResult result);
-  void guard(double end_s, const WallScan& walls);
+  void guard(double end_s, double moved_m, const WallScan& walls);
   /** A fix goes into the history; what becomes of it is noted. */
   void enter(double stamp_s, PoseFix fix);
   [[nodiscard]] Eigen::Vector2d trialNoise(const std::string& source, double stamp_s);
@@ -249,6 +251,7 @@ class Localizer {
   TileWindow x_window;
   WallDetector x_walls;
   Guard x_guard;
+  WallFollower x_follower;
   Cloud x_whole_scan;
   FaultCounts x_noted;
   std::mt19937 x_trial_engine;

@@ -7,7 +7,7 @@
 
 namespace raceloc {
 
-void DeviceOptions::describeDevice(OptionList& keys) {
+void MountedDeviceOptions::describeDevice(OptionList& keys) {
   keys.add("rate_hz", rate_hz, between(0.1, 1000), "messages a second [Hz]");
   keys.add("phase_s", phase_s, between(0, 10), "of the first message, after the start [s]");
   keys.add("latency_s", latency_s, between(0, 1), "from the end of the measurement to the log [s]");

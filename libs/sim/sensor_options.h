@@ -13,7 +13,7 @@
 namespace raceloc {
 
 /** What all devices have. */
-struct DeviceOptions {
+struct MountedDeviceOptions {
   double rate_hz = 10;
   double phase_s = 0;
   double latency_s = 0.01;
@@ -25,7 +25,7 @@ struct DeviceOptions {
 };
 
 /** Section [lidar_*]. */
-struct LidarOptions : DeviceOptions {
+struct LidarOptions : MountedDeviceOptions {
   double roll_deg = 0, pitch_deg = 0, yaw_deg = 0;
   int beams = 64, columns = 600;
   double elevation_min_deg = -15, elevation_max_deg = 15;
@@ -44,7 +44,7 @@ struct LidarOptions : DeviceOptions {
 enum class Heading { none, course, body };
 
 /** Section [gps_*]. */
-struct GpsOptions : DeviceOptions {
+struct GpsOptions : MountedDeviceOptions {
   double horizontal_sigma_m = 0.01, vertical_sigma_m = 0.02;
   double drift_sigma_m = 0.015, drift_time_s = 60;
   double covariance_factor = 1;
@@ -56,14 +56,14 @@ struct GpsOptions : DeviceOptions {
 };
 
 /** Section [imu*]. */
-struct ImuOptions : DeviceOptions {
+struct ImuOptions : MountedDeviceOptions {
   double gyro_sigma_dps = 0.1, gyro_bias_sigma_dps = 0.05, gyro_limit_dps = 300;
   double force_sigma_mps2 = 0.1, force_bias_sigma_mps2 = 0.05, force_limit_mps2 = 80;
   void describe(OptionList& keys);
 };
 
 /** Section [vehicle*]. */
-struct VehicleOptions : DeviceOptions {
+struct VehicleOptions : MountedDeviceOptions {
   double speed_sigma_mps = 0.05, speed_scale_sigma = 0.003;
   double yaw_rate_sigma_dps = 0.2, yaw_rate_bias_sigma_dps = 0.1;
   double steering_sigma_deg = 0.05, steering_offset_sigma_deg = 0.1;
