@@ -39,7 +39,7 @@ DESCRIPTION
 
 EXAMPLES
   raceloc-sim closed-loop --track share/tracks/lvms.ini --car ini/sim/indy.ini --from 450 --fail-for 5 -o corner
-  raceloc-sim closed-loop --track share/tracks/lvms.ini --car ini/sim/indy.ini --from 1120 --shift 3 -o shifted
+  raceloc-sim closed-loop --track share/tracks/lvms.ini --car ini/sim/indy.ini --from 870 --shift 3 -o shifted
 
 EXIT STATUS
   0 done, whatever the car hit; 2 an input is missing or wrong (one line says which); 1 a fault of raceloc.
@@ -162,6 +162,11 @@ std::optional<ClosedLoopArgs> parseClosedLoop(std::vector<std::string> words) {
 }
 
 void runClosedLoop(const ClosedLoopArgs& args) {
+  const std::string guarded_path = args.out_path + "_guarded.csv",
+                    unguarded_path = args.out_path + "_unguarded.csv";
+  const std::string picture_path = args.out_path + ".svg";
+  for (const auto& path : {guarded_path, unguarded_path, picture_path})
+    (void)OutputFile(path);  // what cannot be written is told before the work
   Circuit circuit = readCircuit(args.track_path);
   constexpr double kTyresAlone_mps2 = 100;
   circuit.pace = {args.speed_mps, kTyresAlone_mps2};
@@ -206,15 +211,15 @@ void runClosedLoop(const ClosedLoopArgs& args) {
   const ClosedLoopDrive guarded = loop.drive(told, options, guard, wall_path);
   options.is_guarded = false;
   const ClosedLoopDrive unguarded = loop.drive(told, options, guard, wall_path);
-  writeTextFile(args.out_path + "_guarded.csv", csvText(guarded));
-  writeTextFile(args.out_path + "_unguarded.csv", csvText(unguarded));
-  writeTextFile(args.out_path + ".svg", pictureOf(guarded, unguarded, guard.emergency_distance_m, spans));
+  writeTextFile(guarded_path, csvText(guarded));
+  writeTextFile(unguarded_path, csvText(unguarded));
+  writeTextFile(picture_path, pictureOf(guarded, unguarded, guard.emergency_distance_m, spans));
 
   std::printf("track            %s, from station %.0f m\n", circuit.name.c_str(), args.from_m);
   print("with the guard", guarded, args.gap_m);
   print("without", unguarded, args.gap_m);
-  std::printf("written          %s_guarded.csv, %s_unguarded.csv, %s.svg\n", args.out_path.c_str(),
-              args.out_path.c_str(), args.out_path.c_str());
+  std::printf("written          %s, %s, %s\n", guarded_path.c_str(), unguarded_path.c_str(),
+              picture_path.c_str());
 }
 
 }  // namespace raceloc

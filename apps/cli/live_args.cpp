@@ -146,8 +146,9 @@ void printFalseRejects(const EstimatorOptions& options) {
         "at 1 m\n",
         gate.delta_m, exponent(0.1), exponent(1));
   }
-  std::printf("reliability      and, while others confirm the estimate, with probability %.0e\n",
-              options.reliability.confirm_false_alarm);
+  std::printf(
+      "reliability      while others confirm the estimate, a sound fix is left out with probability %.0e\n",
+      options.reliability.confirm_false_alarm);
 }
 
 /** The sweep of --scene: the first in which the guard took over, or else the last. */
@@ -307,7 +308,10 @@ void runLive(const LiveArgs& args) {
       integrity->commit();
       kept.push_back(args.integrity_path);
     }
-    if (scene && scene->write()) kept.push_back(args.scene_path);
+    if (scene && scene->write())
+      kept.push_back(args.scene_path);
+    else if (scene)
+      std::printf("scene            NONE: no sweep was looked at\n");
     if (!args.trajectory_path.empty() && !report.trajectory.poses.empty()) {
       writeTum(args.trajectory_path, report.trajectory);
       kept.push_back(args.trajectory_path);
@@ -341,6 +345,7 @@ void runLive(const LiveArgs& args) {
   const double wall_s = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
   std::printf("run              %.1f s wall for %.1f s recorded, peak memory %.0f MiB\n", wall_s, recorded_s,
               peakMemory_MiB());
+  if (stopSignal() == 0 && !kept.empty()) std::printf("written          %s\n", listed(kept).c_str());
   if (stopSignal() != 0) {
     char after[32];
     std::snprintf(after, sizeof after, "%.1f", recorded_s);

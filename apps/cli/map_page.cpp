@@ -328,12 +328,9 @@ std::string qaJson(const BuiltMap& built, const QaResult& qa) {
   json["degenerate_loops"] = stretches(qa.degenerate_loops);
   json["stations"] = ordered_json::array();
   for (const StationQa& s : qa.stations) {
-    ordered_json entry{{"station_m", rounded(s.station_m)},
-                       {"passes", s.passes},
-                       {"fix", s.fix},
-                       {"road", s.road},
-                       {"wall_left", s.wall_left},
-                       {"wall_right", s.wall_right}};
+    ordered_json entry{
+        {"station_m", rounded(s.station_m)}, {"passes", s.passes},        {"fix", s.fix}, {"road", s.road},
+        {"wall_left", s.wall_left},          {"wall_right", s.wall_right}};
     if (s.odometry) entry.update(weakest(*s.odometry));
     json["stations"].push_back(entry);
   }

@@ -79,6 +79,7 @@ void Estimator::corrected(EstimatorState& state, const CarState& to) const {
   for (auto& record : state.records) {
     record.mean_m -= moved.head<2>();
     record.residual_m -= moved.head<2>();
+    record.own_residual_m -= moved.head<2>();
     if (record.heading_rad) record.heading_rad = *record.heading_rad - moved(2);
   }
   state.car = to;
@@ -192,7 +193,10 @@ void Estimator::tryTwoKeys(EstimatorState& state, GateDecision& decision) const 
     record->with_others_since_s.reset();
     record->confirms = true;
   }
-  for (auto& record : state.records) record.rate_mps.setZero();  // it was the old heading's
+  for (auto& record : state.records) {  // that was the old heading's
+    record.rate_mps.setZero();
+    record.steps = 0;
+  }
   state.motion = {};
   confirm(state);
   ++state.resets;

@@ -13,8 +13,8 @@ namespace {
 
 // Of a step, whose share beyond x is exp(-x): that is no noise, the source is elsewhere now.
 constexpr double kJump = 12;
-// An estimate does not run away faster: what does is noise.
-constexpr double kFastest_mps = 15;
+// An estimate does not run away faster, not even backwards: what does is noise.
+constexpr double kFastest_mps = 150;
 constexpr double kMostNis = 1e6;
 
 Eigen::Vector2d residualOf(const CarState& predicted, const PoseFix& fix) {
@@ -59,12 +59,15 @@ SourceRecord firstRecord(double stamp_s, const CarState& predicted, const PoseFi
   SourceRecord first{};
   first.source = fix.source;
   first.stamp_s = stamp_s;
-  first.residual_m = first.mean_m = residualOf(predicted, fix);
+  first.residual_m = first.own_residual_m = first.mean_m = residualOf(predicted, fix);
   first.rate_mps = Eigen::Vector2d::Zero();
   first.cov_m2 = fix.cov_p_m2;
   first.nis = positionNis(predicted, fix);
   if (fix.heading != HeadingKind::none) {
     first.heading_rad = innovation(readingOf(fix), predictedReading(fix, predicted.mean))(2);
+    const double own_rad = fix.heading_rad - (fix.heading == HeadingKind::course ? predicted.mean(3) : 0.0);
+    first.own_residual_m +=
+        Eigen::Rotation2Dd(predicted.mean(2)) * fix.p_body_m - Eigen::Rotation2Dd(own_rad) * fix.p_body_m;
     if (fix.heading == HeadingKind::course) *first.heading_rad += predicted.mean(3);
     first.heading_sigma_rad = fix.heading_sigma_rad;
   }
@@ -90,13 +93,16 @@ void record(SourceRecord& known, double stamp_s, const CarState& predicted, cons
     if (step <= kJump) now.mean_m = known.mean_m + share * (now.residual_m - known.mean_m);
     Eigen::Vector2d rate_mps = (now.residual_m - known.residual_m) / (stamp_s - known.stamp_s);
     rate_mps *= std::min(1.0, kFastest_mps / std::max(kFastest_mps, rate_mps.norm()));
-    now.rate_mps = known.rate_mps + share * (rate_mps - known.rate_mps);
+    now.steps = known.steps + 1;
+    now.rate_mps = known.rate_mps + std::max(share, 1.0 / now.steps) * (rate_mps - known.rate_mps);
     now.noise = mean(known.noise, step);
     now.scatter = mean(known.scatter, std::min(step, kMostStep));
     now.contradiction = mean(known.contradiction, 0.5 * now.nis);
     if (!scattersAsClaimed(now)) now.leapt = false;
     if (!scattersAsClaimed(known) && scattersAsClaimed(now)) {  // what was noise is over
       now.noise = 1;
+      now.rate_mps.setZero();
+      now.steps = 0;
       now.contradiction = 0.5 * now.nis;
     }
     now.with_others_since_s = known.with_others_since_s;

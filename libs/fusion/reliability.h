@@ -31,9 +31,13 @@ struct SourceRecord {
   std::string source;
   double stamp_s;              ///< of its newest fix
   Eigen::Vector2d residual_m;  ///< newest, fix less estimate, map axes
-  Eigen::Vector2d mean_m;      ///< of the residuals since it last jumped
-  Eigen::Vector2d rate_mps;    ///< mean rate of the residuals: an estimate with a wrong heading runs away
-  Eigen::Matrix2d cov_m2;      ///< newest claim
+  /** The same if the car's heading were what the fix says: of an estimate whose heading is far off, a lever arm makes
+   * residuals that do not agree. */
+  Eigen::Vector2d own_residual_m;
+  Eigen::Vector2d mean_m;    ///< of the residuals since it last jumped
+  Eigen::Vector2d rate_mps;  ///< mean rate of the residuals: an estimate with a wrong heading runs away
+  int steps = 0;             ///< of which that is the mean: the first ones count alike
+  Eigen::Matrix2d cov_m2;    ///< newest claim
   /** Residual against theta and claim, if the newest fix has a heading. Of a course, with all of b in theta. */
   std::optional<double> heading_rad, heading_sigma_rad;
   double nis = 0;        ///< of the newest fix, see positionNis()
@@ -50,9 +54,9 @@ struct SourceRecord {
   std::optional<double> with_others_since_s;  ///< while it has left: since when it is back
 };
 
-/** The residual that a fix would have now: sources that do not speak at the same time can be compared. */
+/** The own residual that a fix would have now: sources that do not speak at the same time can be compared. */
 [[nodiscard]] inline Eigen::Vector2d residualAt(const SourceRecord& record, double stamp_s) {
-  return record.residual_m + (stamp_s - record.stamp_s) * record.rate_mps;
+  return record.own_residual_m + (stamp_s - record.stamp_s) * record.rate_mps;
 }
 
 constexpr double kMostStep = 8, kMostScatter = 4;

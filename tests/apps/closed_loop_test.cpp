@@ -97,7 +97,8 @@ TEST_P(EverySourceFails, TheCarGoesAlongTheWallAndBack) {
   options.is_guarded = false;
   const ClosedLoopDrive unguarded = course.drive(told, options);
   EXPECT_TRUE(unguarded.hasHit());
-  EXPECT_LT(unguarded.rows.back().time_s, kFailAt_s + 2);
+  // 2 m from wheel to wall at the first source's 4 m/s, and as long again until the filter has followed it that far.
+  EXPECT_LT(unguarded.rows.back().time_s, kFailAt_s + 4);
 }
 
 class WrongPath : public ::testing::TestWithParam<std::tuple<Place, double>> {};

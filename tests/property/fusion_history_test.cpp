@@ -366,7 +366,7 @@ TEST(FusionHistoryProperty, NothingLocksItOut) {
     FusionHistory history = started();
     // The estimate is taken away by any distance along and across, unseen by all sources; then two of them are back.
     const double speed_error = rnd.oneOf({0.0, 0.02, 0.3}) * rnd.uniform(-1, 1);
-    const double yaw_error_rps = rnd.oneOf({0.0, 0.004, 0.02}) * rnd.uniform(-1, 1);
+    const double yaw_error_rps = rnd.oneOf({0.0, 0.004, 0.02, 0.3}) * rnd.uniform(-1, 1);
     const double back_s = rnd.uniform(3, 9);
     const std::string gone = rnd.oneOf({"gps_left", "gps_right", "scan_match"});
     const auto fault = [&](TimedFix& fix, Random&) {

@@ -18,7 +18,7 @@ EstimatorState heldBy(const std::vector<std::string>& sources) {
     SourceRecord record{};
     record.source = source;
     record.stamp_s = 10;
-    record.residual_m = record.mean_m = Eigen::Vector2d::Zero();
+    record.residual_m = record.own_residual_m = record.mean_m = Eigen::Vector2d::Zero();
     record.cov_m2 = 0.01 * Eigen::Matrix2d::Identity();
     record.contradiction = record.noise = record.scatter = 1;
     record.confirms = true;
@@ -104,16 +104,17 @@ TEST(Separation, IsInSigmasOfWhatClaimsAndTheOptionAllow) {
 TEST(TwoKeys, AreThePairOfFreshSourcesThatAgreesBest) {
   EstimatorState state = heldBy({"a", "b", "c", "d"});
   auto& records = state.records;
-  for (std::size_t i = 0; i < records.size(); ++i) records[i].residual_m = {20.0 * static_cast<double>(i), 0};
+  for (std::size_t i = 0; i < records.size(); ++i)
+    records[i].own_residual_m = {20.0 * static_cast<double>(i), 0};
   EXPECT_FALSE(twoKeys(records, 10, {}));
 
-  records[3].residual_m = records[1].residual_m + Eigen::Vector2d(0.3, 0);
+  records[3].own_residual_m = records[1].own_residual_m + Eigen::Vector2d(0.3, 0);
   auto keys = twoKeys(records, 10, {});
   ASSERT_TRUE(keys);
   EXPECT_EQ(keys->first, 1);
   EXPECT_EQ(keys->second, 3);
 
-  records[2].residual_m = records[1].residual_m + Eigen::Vector2d(0.2, 0);
+  records[2].own_residual_m = records[1].own_residual_m + Eigen::Vector2d(0.2, 0);
   keys = twoKeys(records, 10, {});  // 2 is nearest to 3
   ASSERT_TRUE(keys);
   EXPECT_EQ(keys->first, 2);
