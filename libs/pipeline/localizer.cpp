@@ -90,14 +90,14 @@ void TrialOptions::describe(OptionList& keys) {
 }
 
 Localizer::Localizer(gpu::Context& context, const MapFile& map, const LocalizerOptions& options)
-    : x_history(options.matching.motion, options.matching.calibration),
+    : x_window(context, map, options.matching.registration.voxel_size_m, options.policy.map_radius_m),
+      x_history(options.matching.motion, options.matching.calibration),
       x_context(context),
       x_queue(labelsNamed(options.matching.log.lidar_labels)),
       x_preparer(context, options.matching.crop, options.matching.odometry.scan_voxel_m,
                  options.matching.covariance),
       x_options(options),
       x_surface(map.content(), options.surface),
-      x_window(context, map, options.matching.registration.voxel_size_m, options.policy.map_radius_m),
       x_walls(context, options.wall),
       x_guard(options.guard, options.wall_path),
       x_follower(options.wall_path),

@@ -230,6 +230,7 @@ class Localizer {
   std::optional<FusionHistory> x_fusion;
   Pose x_T_map_body = Pose::Identity();  ///< at x_stamp_s: attitude and height as last known
   std::optional<StartPlace> x_place;
+  TileWindow x_window;
   std::optional<KnownPose> x_last_match;   ///< that was believed
   std::optional<KnownPose> x_last_lesson;  ///< of teachByEstimate()
   std::optional<ScanMatch> x_new_match;
@@ -242,25 +243,24 @@ class Localizer {
   double x_published_s = 0;                                   ///< of the newest output
   std::size_t x_passed_over = 0, x_searches = 0;
   MotionHistory::Rates x_last_rates{0, 0};
+  std::optional<double> x_height_above_road_m;  ///< of the rear axle
+  std::optional<double> x_last_sweep_s;         ///< end of the one before
   std::map<std::string, Receiver> x_receivers;
   std::optional<StartReport> x_start;
   ScanQueue x_queue;
   SweepPreparer x_preparer;
   LocalizerOptions x_options;
   TrackSurface x_surface;
-  TileWindow x_window;
   WallDetector x_walls;
   Guard x_guard;
   WallFollower x_follower;
   Cloud x_whole_scan;
   FaultCounts x_noted;
   std::mt19937 x_trial_engine;
-  std::optional<double> x_height_above_road_m;  ///< of the rear axle
-  int x_failed_matches = 0;                     ///< in a row
-  int x_lesson_resets = 0;                      ///< of the estimate that teaches
+  int x_failed_matches = 0;  ///< in a row
+  int x_lesson_resets = 0;   ///< of the estimate that teaches
   bool x_by_wheels = true;
-  std::optional<double> x_last_sweep_s;  ///< end of the one before
-  std::optional<SweepJob> x_job;         ///< last: it uses the others, and ends before they do
+  std::optional<SweepJob> x_job;  ///< last: it uses the others, and ends before they do
 };
 
 }  // namespace raceloc

@@ -52,8 +52,9 @@ CSetOfObjects::Ptr wallObjects(const WallReport& report) {
     if (!*wall) continue;
     const Wall& w = **wall;
     auto fence = lines(4, w.age_s > 0 ? mrpt::img::TColor(150, 150, 150) : mrpt::img::TColor(230, 60, 200));
-    for (double x = w.from_x_m; x < w.to_x_m; x += kPost_m) {
-      const double to_x = std::min(x + kPost_m, w.to_x_m);
+    const int pieces = static_cast<int>(std::ceil((w.to_x_m - w.from_x_m) / kPost_m));
+    for (int i = 0; i < pieces; ++i) {
+      const double x = w.from_x_m + i * kPost_m, to_x = std::min(x + kPost_m, w.to_x_m);
       for (const double z : {0.0, w.height_m}) fence->appendLine(x, w.y_m(x), z, to_x, w.y_m(to_x), z);
       fence->appendLine(x, w.y_m(x), 0.0, x, w.y_m(x), w.height_m);
     }
