@@ -42,7 +42,7 @@ TEST(WallAllocation, IsNoneOnceTheLargestScanWasSeen) {
   WallDetector detector(cpu, {});
   double stamp_s = 0;
   for (const Cloud& scan : scans) (void)detector.detect(scan, stamp_s += 0.1, Pose::Identity());
-  const long before = allocations;
+  [[maybe_unused]] const long before = allocations;
   int walls = 0;
   for (const Cloud& scan : scans) {
     const WallScan seen = detector.detect(scan, stamp_s += 0.1, Pose::Identity());
