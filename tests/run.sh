@@ -55,8 +55,9 @@ threaded_tests() {  # what hands logs and tiles from thread to thread; TBB and E
   cmake -G Ninja -S . -B "$threads" -DCMAKE_BUILD_TYPE=Debug -DCMAKE_CXX_FLAGS_DEBUG=-O1 -DRACELOC_TESTS=ON \
     -DRACELOC_CUDA=OFF -DRACELOC_SANITIZE=thread &&
     cmake --build "$threads" -j "$jobs" --target core_bounded_queue_unit_test sensors_unit_test \
-      map_unit_test &&
+      sensors_live_unit_test map_unit_test &&
     "$threads"/bin/core_bounded_queue_unit_test --gtest_brief=1 && "$threads"/bin/sensors_unit_test --gtest_brief=1 &&
+    "$threads"/bin/sensors_live_unit_test --gtest_brief=1 &&
     "$threads"/bin/map_unit_test --gtest_brief=1 --gtest_filter='TileWindow*'
 }
 
