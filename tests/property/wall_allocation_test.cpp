@@ -3,27 +3,9 @@
  * well. */
 #include <gtest/gtest.h>
 
-#include <atomic>
-#include <cstdlib>
-
+#include "support/counted_malloc.h"
 #include "support/wall_scene.h"
 #include "wall/wall_detector.h"
-
-#if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
-#define RACELOC_OTHER_MALLOC  // the sanitizer's: not to be replaced
-#endif
-
-namespace {
-std::atomic<long> allocations{0};
-}
-
-#ifndef RACELOC_OTHER_MALLOC
-extern "C" void* __libc_malloc(std::size_t bytes);  // NOLINT(bugprone-reserved-identifier): glibc's own
-extern "C" void* malloc(std::size_t bytes) {
-  ++allocations;
-  return __libc_malloc(bytes);
-}
-#endif
 
 namespace raceloc {
 namespace {
