@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include "pipeline/planar_control.h"
+
 namespace raceloc {
 
 LoopLocalizer::LoopLocalizer(const Pose& T_map_body, double stamp_s, double speed_mps,
@@ -36,14 +38,8 @@ double LoopLocalizer::course_rad() const {
 void LoopLocalizer::moveTo(double stamp_s) {
   const auto motion = x_motion.between(x_stamp_s, stamp_s);
   if (!motion || !(stamp_s > x_stamp_s)) return;
-  const double duration_s = stamp_s - x_stamp_s;
   const Pose T_map_next = x_T_map_body * motion->T_start_end;
-  // The plane's part of the motion: on a bank neither speed nor yaw rate are the body's own.
-  const double from_rad = yawOf(x_T_map_body), turn_rad = wrapAngle(yawOf(T_map_next) - from_rad);
-  const Eigen::Vector2d moved_m = Eigen::Rotation2Dd(-(from_rad + 0.5 * turn_rad)) *
-                                  (T_map_next.translation() - x_T_map_body.translation()).head<2>();
-  (void)x_fusion.add(Control{stamp_s, moved_m.norm() / duration_s, turn_rad / duration_s,
-                             std::atan2(moved_m.y(), moved_m.x())});
+  (void)x_fusion.add(planarControl(x_motion, stamp_s, stamp_s - x_stamp_s, x_T_map_body, T_map_next));
   if (const auto rates = x_motion.ratesBetween(x_stamp_s, stamp_s)) x_rates = *rates;
   x_T_map_body = T_map_next;
   x_stamp_s = stamp_s;

@@ -16,13 +16,12 @@ std::vector<SourceRecord>::iterator placeOf(std::vector<SourceRecord>& records, 
                           [](const SourceRecord& r, const std::string& name) { return r.source < name; });
 }
 
-SourceRecord& recorded(EstimatorState& state, const PoseFix& fix, const ReliabilityOptions& options) {
-  auto& records = state.records;
-  const auto place = placeOf(records, fix.source);
-  if (place == records.end() || place->source != fix.source)
-    return *records.insert(place, firstRecord(state.stamp_s, state.car, fix));
-  record(*place, state.stamp_s, state.car, fix, options);
-  return *place;
+void enter(EstimatorState& state, const PoseFix& fix, const ReliabilityOptions& options) {
+  const auto place = placeOf(state.records, fix.source);
+  if (place == state.records.end() || place->source != fix.source)
+    state.records.insert(place, firstRecord(state.stamp_s, state.car, fix));
+  else
+    record(*place, state.stamp_s, state.car, fix, options);
 }
 
 /** Dead reckoning and estimate move alike, but for the angle between their directions; the memory fades. */
@@ -40,7 +39,10 @@ void advance(MotionWitness& motion, const CarState& car, const Control& rates, d
       std::pow(std::max(options.fusion.speed_sigma_mps, rates.speed_sigma_mps), 2) * duration_s;
   const Eigen::Vector2d along(std::cos(course_rad), std::sin(course_rad));
   motion.covariance.topLeftCorner<2, 2>() += along_m2 * along * along.transpose();
-  motion.covariance(2, 2) += std::pow(options.fusion.yaw_rate_sigma_rps, 2) * duration_s;
+  motion.covariance(2, 2) +=
+      (std::pow(std::max(options.fusion.yaw_rate_sigma_rps, rates.yaw_rate_sigma_rps), 2) +
+       std::pow(rates.slip_walk_rad, 2)) *
+      duration_s;
 }
 
 void confirm(EstimatorState& state) {
@@ -65,7 +67,7 @@ void Estimator::advance(EstimatorState& state, const Control& rates, double to_s
   if (!(duration_s > 0)) return;
   raceloc::advance(state.motion, state.car, rates, duration_s, x_options);
   x_filter.setState(state.car);
-  x_filter.predict(duration_s, rates.speed_mps, rates.yaw_rate_rps, rates.slip_rad, rates.speed_sigma_mps);
+  x_filter.predict(duration_s, rates);
   state.car = x_filter.state();
   state.alone_m += std::abs(rates.speed_mps) * duration_s;
   state.stamp_s = to_s;
@@ -94,21 +96,29 @@ bool Estimator::contradictsHeading(const CarState& predicted, const SourceRecord
   return std::pow(wrapAngle(*record.heading_rad), 2) > x_confirm_limit * variance_rad2;
 }
 
+void Estimator::widen(EstimatorState& state, const std::vector<PoseFix>& fixes) const {
+  if (state.stamp_s - state.confirmed_s > x_options.recovery.alone_s) return;
+  const double times = contradictionByAll(state.records, state.stamp_s, x_options.reliability);
+  if (times <= x_options.reliability.inflate_from) return;
+  state.car.covariance *= times;
+  for (SourceRecord& record : state.records)
+    record.contradiction = std::max(1.0, record.contradiction / times);
+  for (const PoseFix& fix : fixes) placeOf(state.records, fix.source)->nis = positionNis(state.car, fix);
+}
+
 GateDecision Estimator::decide(EstimatorState& state, std::vector<PoseFix> fixes) {
   const ReliabilityOptions& reliability = x_options.reliability;
+  for (const PoseFix& fix : fixes) enter(state, fix, reliability);
+  holdAgainstEachOther(state.records, state.motion, state.stamp_s, reliability);
+  widen(state, fixes);
   std::vector<SourceVerdict> verdicts;
   for (const PoseFix& fix : fixes) {
-    SourceRecord& known = recorded(state, fix, reliability);
+    SourceRecord& known = *placeOf(state.records, fix.source);
     SourceVerdict verdict{fix.source, 0, 0, 0, 0, false};
     verdict.nis = known.nis;
     known.confirms = verdict.nis <= x_confirm_limit && scattersAsClaimed(known);
-    const double excess =
-        scattersAsClaimed(known) ? known.contradiction : std::max(known.contradiction, known.noise);
-    if (excess > reliability.inflate_from) verdict.inflation = excess;
-    if (verdict.nis > x_confirm_limit) verdict.inflation = std::max(verdict.inflation, 0.5 * verdict.nis);
     verdicts.push_back(std::move(verdict));
   }
-  holdAgainstEachOther(state.records, state.motion, state.stamp_s, reliability);
   const auto isConfirmed = [&] {
     return std::any_of(state.records.begin(), state.records.end(), [&](const SourceRecord& r) {
       return r.confirms && !r.left && state.stamp_s - r.stamp_s <= x_options.recovery.alone_s;
@@ -121,6 +131,11 @@ GateDecision Estimator::decide(EstimatorState& state, std::vector<PoseFix> fixes
   for (std::size_t i = 0; i < fixes.size(); ++i) {
     SourceVerdict& verdict = verdicts[i];
     const auto known = placeOf(state.records, fixes[i].source);
+    const double excess =
+        scattersAsClaimed(*known) ? known->contradiction : std::max(known->contradiction, known->noise);
+    if (excess > reliability.inflate_from) verdict.inflation = excess;
+    if (!known->confirms && verdict.nis > x_confirm_limit)
+      verdict.inflation = std::max(verdict.inflation, 0.5 * verdict.nis);
     verdict.left = known->left;
     verdict.confirms = known->confirms && !known->left;
     if (known->left) {

@@ -48,6 +48,8 @@ class Estimator {
    *
    * 1. What each source's fixes told of it is brought up to date, and sources are held against each other
    *    (reliability.h): those that left are out.
+   *    Where those that are in contradict the estimate alike, it is the estimate that is off: its covariance grows as
+   *    many times (fading memory), and their claims stay as they are.
    * 2. A fix confirms the estimate if its own claim explains its innovation and its source scatters as it claims. While
    *    the newest fix of some source does, fixes that contradict the estimate have no say.
    * 3. Claims that innovations contradict are inflated, by half their normalised square; gate() decides between what is
@@ -61,6 +63,7 @@ class Estimator {
   [[nodiscard]] const EstimatorOptions& options() const { return x_options; }
 
  private:
+  void widen(EstimatorState& state, const std::vector<PoseFix>& fixes) const;
   void corrected(EstimatorState& state, const CarState& to) const;
   [[nodiscard]] bool contradictsHeading(const CarState& predicted, const SourceRecord& record) const;
   void tryTwoKeys(EstimatorState& state, GateDecision& decision) const;

@@ -68,12 +68,10 @@ FusionFilter::FusionFilter(const CarState& start, const FusionOptions& options,
   OnNormalizeStateVector();
 }
 
-void FusionFilter::predict(double duration_s, double speed_mps, double yaw_rate_rps, double slip_rad,
-                           double speed_sigma_mps) {
-  if (!(duration_s >= 0 && std::isfinite(duration_s) && std::isfinite(speed_mps) &&
-        std::isfinite(yaw_rate_rps) && std::isfinite(slip_rad) && std::isfinite(speed_sigma_mps)))
-    throw std::invalid_argument("FusionFilter: duration must be >= 0, speed, yaw rate and slip finite");
-  x_step = {duration_s, speed_mps, yaw_rate_rps, slip_rad, speed_sigma_mps};
+void FusionFilter::predict(double duration_s, const Control& control) {
+  if (!(duration_s >= 0 && std::isfinite(duration_s) && isFinite(control)))
+    throw std::invalid_argument("FusionFilter: duration must be >= 0, and the control finite");
+  x_step = {duration_s, control};
   x_fix.reset();
   runOneKalmanIteration();
 }
@@ -95,20 +93,21 @@ void FusionFilter::setState(const CarState& state) {
 }
 
 double FusionFilter::courseMidway() const {
-  return m_xkk[2] + m_xkk[3] + x_step.slip_rad + 0.5 * x_step.duration_s * x_step.yaw_rate_rps;
+  return m_xkk[2] + m_xkk[3] + x_step.control.slip_rad +
+         0.5 * x_step.duration_s * x_step.control.yaw_rate_rps;
 }
 
 double FusionFilter::biasKept() const { return std::exp(-x_step.duration_s / x_options.bias_time_s); }
 
 void FusionFilter::OnGetAction(KFArray_ACT& u) const {
-  u[0] = x_step.speed_mps;
-  u[1] = x_step.yaw_rate_rps;
+  u[0] = x_step.control.speed_mps;
+  u[1] = x_step.control.yaw_rate_rps;
 }
 
 void FusionFilter::OnTransitionModel(const KFArray_ACT& u, KFArray_VEH& x, bool& skip) const {
   skip = x_fix.has_value();
   if (skip) return;
-  const double T = x_step.duration_s, course_rad = x[2] + x[3] + x_step.slip_rad + 0.5 * T * u[1];
+  const double T = x_step.duration_s, course_rad = x[2] + x[3] + x_step.control.slip_rad + 0.5 * T * u[1];
   x[0] += T * u[0] * std::cos(course_rad);
   x[1] += T * u[0] * std::sin(course_rad);
   x[2] += T * u[1];
@@ -116,7 +115,7 @@ void FusionFilter::OnTransitionModel(const KFArray_ACT& u, KFArray_VEH& x, bool&
 }
 
 void FusionFilter::OnTransitionJacobian(KFMatrix_VxV& F) const {
-  const double length_m = x_step.duration_s * x_step.speed_mps, course_rad = courseMidway();
+  const double length_m = x_step.duration_s * x_step.control.speed_mps, course_rad = courseMidway();
   F.setIdentity();
   F(0, 2) = F(0, 3) = -length_m * std::sin(course_rad);
   F(1, 2) = F(1, 3) = length_m * std::cos(course_rad);
@@ -124,7 +123,7 @@ void FusionFilter::OnTransitionJacobian(KFMatrix_VxV& F) const {
 }
 
 void FusionFilter::OnTransitionNoise(KFMatrix_VxV& Q) const {
-  const double T = x_step.duration_s, v = x_step.speed_mps;
+  const double T = x_step.duration_s, v = x_step.control.speed_mps;
   const double c = std::cos(courseMidway()), s = std::sin(courseMidway());
   // Columns: distance and turn by the control, which is off by sigma sqrt(T) in each.
   Eigen::Matrix<double, 4, 2> G;
@@ -133,11 +132,12 @@ void FusionFilter::OnTransitionNoise(KFMatrix_VxV& Q) const {
       0, 1,                  //
       0, 0;
   const Eigen::Vector2d variance =
-      T * Eigen::Vector2d(std::max(x_options.speed_sigma_mps, x_step.speed_sigma_mps),
-                          x_options.yaw_rate_sigma_rps)
+      T * Eigen::Vector2d(std::max(x_options.speed_sigma_mps, x_step.control.speed_sigma_mps),
+                          std::max(x_options.yaw_rate_sigma_rps, x_step.control.yaw_rate_sigma_rps))
               .cwiseAbs2();
   Q.asEigen() = G * variance.asDiagonal() * G.transpose();
-  Q(3, 3) = std::pow(x_options.bias_sigma_rad, 2) * -std::expm1(-2 * T / x_options.bias_time_s);
+  Q(3, 3) = std::max(std::pow(x_options.bias_sigma_rad, 2) * -std::expm1(-2 * T / x_options.bias_time_s),
+                     std::pow(x_step.control.slip_walk_rad, 2) * T);
 }
 
 void FusionFilter::OnGetObservationNoise(KFMatrix_OxO& R) const {

@@ -46,11 +46,12 @@ class FusionFilter : private mrpt::bayes::CKalmanFilterCapable<4, 3, 0, 2> {
    * semidefinite \throws InputError if the gate's epsilon is wider than its delta */
   FusionFilter(const CarState& start, const FusionOptions& options, const GateOptions& gate_options);
 
-  /** Dead reckoning over `duration_s` >= 0 at constant forward speed of the rear axle and yaw rate
-   * (counter-clockwise), along theta + b + slip. \param speed_sigma_mps  counts where it is larger than the option. \throws std::invalid_argument if a value is not finite or the duration
-   * negative; the state is then as before. */
-  void predict(double duration_s, double speed_mps, double yaw_rate_rps, double slip_rad = 0,
-               double speed_sigma_mps = 0);
+  /** Dead reckoning over `duration_s` >= 0 at the constant rates of a control, whose stamp says nothing here.
+   * \throws std::invalid_argument if a value is not finite or the duration negative; the state is then as before. */
+  void predict(double duration_s, const Control& control);
+  void predict(double duration_s, double speed_mps, double yaw_rate_rps) {
+    predict(duration_s, {0, speed_mps, yaw_rate_rps});
+  }
 
   /** Corrects by what gate() makes of the fixes, all of the filter's present time; not at all if it rejects
    * them. \return what it believed of each source, and why \throws std::invalid_argument as gate() does; the
@@ -63,7 +64,8 @@ class FusionFilter : private mrpt::bayes::CKalmanFilterCapable<4, 3, 0, 2> {
 
  private:
   struct Step {
-    double duration_s, speed_mps, yaw_rate_rps, slip_rad, speed_sigma_mps;
+    double duration_s;
+    Control control;
   };
   [[nodiscard]] double courseMidway() const;  ///< direction of the step's chord [rad]
   [[nodiscard]] double biasKept() const;      ///< what the step leaves of b, 0..1

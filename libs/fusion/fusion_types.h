@@ -3,6 +3,7 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <cmath>
 #include <string>
 #include <vector>
 
@@ -38,9 +39,17 @@ struct Control {
   double speed_mps;     ///< forward, of the rear axle
   double yaw_rate_rps;  ///< about the vertical, counter-clockwise
   double slip_rad = 0;  ///< known part of the angle from heading to course; b is the rest
-  /** Error of the speed, averaged over one second, where it is larger than FusionOptions says. */
-  double speed_sigma_mps = 0;
+  /** Errors of speed and yaw rate, averaged over one second, where they are larger than FusionOptions says. */
+  double speed_sigma_mps = 0, yaw_rate_sigma_rps = 0;
+  /** How the error of the slip grows, over a root second, where that is more than FusionOptions lets b wander. */
+  double slip_walk_rad = 0;
 };
+
+[[nodiscard]] inline bool isFinite(const Control& c) {
+  return std::isfinite(c.stamp_s) && std::isfinite(c.speed_mps) && std::isfinite(c.yaw_rate_rps) &&
+         std::isfinite(c.slip_rad) && std::isfinite(c.speed_sigma_mps) &&
+         std::isfinite(c.yaw_rate_sigma_rps) && std::isfinite(c.slip_walk_rad);
+}
 
 /** State of the filter: x, y [m] in the map, theta [rad] heading of the body in [-pi, pi), b [rad] the angle
  * from heading to course (side-slip and mounting error) less what the control knows of it, so that motion goes along

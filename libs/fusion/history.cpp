@@ -11,14 +11,12 @@ namespace raceloc {
 
 namespace {
 
-bool sound(const Control& c) {
-  return std::isfinite(c.stamp_s) && std::isfinite(c.speed_mps) && std::isfinite(c.yaw_rate_rps) &&
-         std::isfinite(c.slip_rad) && std::isfinite(c.speed_sigma_mps);
-}
-
 bool before(const Control& a, const Control& b) {
-  return std::tie(a.stamp_s, a.speed_mps, a.yaw_rate_rps, a.slip_rad, a.speed_sigma_mps) <
-         std::tie(b.stamp_s, b.speed_mps, b.yaw_rate_rps, b.slip_rad, b.speed_sigma_mps);
+  const auto fields = [](const Control& c) {
+    return std::tie(c.stamp_s, c.speed_mps, c.yaw_rate_rps, c.slip_rad, c.speed_sigma_mps,
+                    c.yaw_rate_sigma_rps, c.slip_walk_rad);
+  };
+  return fields(a) < fields(b);
 }
 
 }  // namespace
@@ -94,7 +92,7 @@ EstimatorState FusionHistory::at(double stamp_s) {
 
 Acceptance FusionHistory::add(const Control& control) {
   x_made.clear();
-  if (!sound(control)) return Acceptance::unsound;
+  if (!isFinite(control)) return Acceptance::unsound;
   const double newest_s = x_controls.back().stamp_s;
   if (control.stamp_s <= newest_s - x_options.lag_s || control.stamp_s <= x_base.stamp_s)
     return Acceptance::late;

@@ -82,16 +82,20 @@ void record(SourceRecord& known, double stamp_s, const CarState& predicted, cons
   now.leapt = known.leapt;
   if (stamp_s - known.stamp_s <= options.fresh_s) {
     const double share = -std::expm1(-(stamp_s - known.stamp_s) / options.window_s);
-    const double step = std::min(
-        (now.residual_m - known.residual_m).squaredNorm() / (known.cov_m2.trace() + fix.cov_p_m2.trace()),
-        kMostNis);
+    const auto stepBy = [&](const Eigen::Vector2d& moved_m) {
+      return std::min(moved_m.squaredNorm() / (known.cov_m2.trace() + fix.cov_p_m2.trace()), kMostNis);
+    };
+    const Eigen::Vector2d moved_m = now.residual_m - known.residual_m;
+    // What an estimate that runs away lets expect is neither noise nor a jump.
+    const double step =
+        std::min(stepBy(moved_m), stepBy(moved_m - (stamp_s - known.stamp_s) * known.rate_mps));
     const auto mean = [&](double before, double value) { return before + share * (value - before); };
     if (step > kJump) {
       const bool comes_back = now.residual_m.norm() < 0.5 * known.residual_m.norm();
       now.leapt = (known.leapt || known.confirms) && !comes_back;
     }
     if (step <= kJump) now.mean_m = known.mean_m + share * (now.residual_m - known.mean_m);
-    Eigen::Vector2d rate_mps = (now.residual_m - known.residual_m) / (stamp_s - known.stamp_s);
+    Eigen::Vector2d rate_mps = moved_m / (stamp_s - known.stamp_s);
     rate_mps *= std::min(1.0, kFastest_mps / std::max(kFastest_mps, rate_mps.norm()));
     now.steps = known.steps + 1;
     now.rate_mps = known.rate_mps + std::max(share, 1.0 / now.steps) * (rate_mps - known.rate_mps);
@@ -166,6 +170,24 @@ void holdAgainstEachOther(std::vector<SourceRecord>& records, const MotionWitnes
     }
     record.left_by_m = record.left ? (record.mean_m - mean_m).norm() : 0;
   }
+}
+
+double contradictionByAll(const std::vector<SourceRecord>& records, double stamp_s,
+                          const ReliabilityOptions& options) {
+  double sum = 0;
+  std::vector<const SourceRecord*> against;
+  for (const SourceRecord& record : records) {
+    if (stamp_s - record.stamp_s > options.fresh_s || record.left || record.leapt ||
+        !scattersAsClaimed(record))
+      continue;
+    sum += 0.5 * record.nis;
+    for (const SourceRecord* other : against) {
+      const double apart_m = (residualAt(record, stamp_s) - residualAt(*other, stamp_s)).norm();
+      if (apart_m > 0.5 * std::min(record.residual_m.norm(), other->residual_m.norm())) return 1;
+    }
+    against.push_back(&record);
+  }
+  return against.size() < 2 ? 1 : std::max(1.0, sum / static_cast<double>(against.size()));
 }
 
 }  // namespace raceloc

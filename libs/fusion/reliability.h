@@ -97,4 +97,10 @@ void record(SourceRecord& known, double stamp_s, const CarState& predicted, cons
 void holdAgainstEachOther(std::vector<SourceRecord>& records, const MotionWitness& motion, double stamp_s,
                           const ReliabilityOptions& options);
 
+/** How many times too small the covariance of the estimate is: the mean of half the normalised innovation squared of
+ * the fresh sources, where at least two that scatter as they claim, and neither left nor leapt, are off the estimate and nearer to
+ * each other than half as far. 1 where one of them is not. */
+[[nodiscard]] double contradictionByAll(const std::vector<SourceRecord>& records, double stamp_s,
+                                        const ReliabilityOptions& options);
+
 }  // namespace raceloc

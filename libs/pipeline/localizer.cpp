@@ -7,6 +7,7 @@
 
 #include "cloud/deskew.h"
 #include "core/labels.h"
+#include "pipeline/planar_control.h"
 #include "sensors/gps_conversion.h"
 
 namespace raceloc {
@@ -48,7 +49,7 @@ Eigen::Vector2d planarLever(const Eigen::Matrix3d& R_map_body, const Eigen::Vect
 }
 
 constexpr double kMatchMemory_s = 1;
-constexpr double kStanding_mps = 0.5;  // slower, the way is too short to have a direction
+constexpr double kStanding_mps = 0.5;  // slower, the way has no curvature to speak of
 // Over longer, what calibration drifts counts more than what is known of the two ends.
 constexpr double kLongestLesson_s = 1;
 
@@ -318,20 +319,12 @@ Pose Localizer::motionBetween(double from_s, double to_s) const {
 
 void Localizer::moveTo(double stamp_s) {
   constexpr double kUnknownSpeed_mps = 5;  // a speed that is only held: braked at 1 g for half a second
-  const double duration_s = stamp_s - x_stamp_s;
   const Pose T_map_next = x_T_map_body * motionBetween(x_stamp_s, stamp_s);
   if (const auto rates = x_history.ratesBetween(x_stamp_s, stamp_s)) x_last_rates = *rates;
   x_by_wheels = x_history.hasWheels(stamp_s) && x_history.between(x_stamp_s, stamp_s).has_value();
 
-  const double from_rad = yawOf(x_T_map_body), turn_rad = wrapAngle(yawOf(T_map_next) - from_rad);
-  const Eigen::Vector2d moved_m = Eigen::Rotation2Dd(-(from_rad + 0.5 * turn_rad)) *
-                                  (T_map_next.translation() - x_T_map_body.translation()).head<2>();
-  Control control{stamp_s, moved_m.x() / duration_s, turn_rad / duration_s};
+  Control control = planarControl(x_history, stamp_s, stamp_s - x_stamp_s, x_T_map_body, T_map_next);
   if (!x_by_wheels) control.speed_sigma_mps = kUnknownSpeed_mps;
-  if (control.speed_mps > kStanding_mps) {
-    control.speed_mps = moved_m.norm() / duration_s;
-    control.slip_rad = std::atan2(moved_m.y(), moved_m.x());
-  }
   (void)x_fusion->add(control);  // it is in order, and all of it finite
   if (!x_fusion->made().empty()) x_new_decision = x_fusion->made().back();
   x_stamp_s = stamp_s;

@@ -41,7 +41,7 @@ void run(const std::string& ini, const std::string& log) {
   MotionHistory history(options.motion, options.calibration);
   LivOdometry odometry(context, options.odometry, options.crop, options.covariance, options.registration);
   ScanQueue queue;
-  LogReader reader(log, options.log);
+  LogReader reader(log, options.log, std::nullopt, Late::passed);
   Driven ours, theirs;
   std::unique_ptr<PeerOdometry> peer;
   if constexpr (kPeerInstalled)

@@ -30,7 +30,7 @@ void run(const std::string& ini, const std::string& log, const std::string& trut
   gpu::Context context(gpu::Backend::cpu, 0, options.device.threads);
   OdometryStream stream = odometryStream(context, options);
   const MotionHistory& history = stream.history();
-  LogReader reader(log, options.log);
+  LogReader reader(log, options.log, std::nullopt, Late::passed);
   std::vector<Begun> begun;
   std::map<double, Errors> by_horizon_s{{0.1, {}}, {0.5, {}}, {1.0, {}}, {2.0, {}}};
   std::size_t scans = 0, trusted = 0;
