@@ -130,6 +130,27 @@ TEST_P(WrongPath, TheWheelsStayOffTheWall) {
   EXPECT_LT(leastWheelToWall_m(unguarded), leastWheelToWall_m(guarded) + 1e-9);
 }
 
+class NothingFails : public ::testing::TestWithParam<Place> {};
+// `lor` asks 95 % of the tyres; from these places the car brakes hard before it has learnt how its wheels slip.
+INSTANTIATE_TEST_SUITE_P(On, NothingFails,
+                         ::testing::Values(Place{"lor_brakes", "lor", 100}, Place{"lor_turns", "lor", 550},
+                                           Place{"lvms_straight", "lvms", 0}, Place{"tms_corner", "tms", 400},
+                                           Place{"ims_corner", "ims", 250}),
+                         [](const auto& test) { return std::string(test.param.name); });
+
+TEST_P(NothingFails, TheGuardLetsTheCarDrive) {
+  const Course course(GetParam().track);
+  ClosedLoopOptions options;
+  options.from_m = GetParam().from_m;
+  options.duration_s = 12;
+  const auto drive = course.drive({course.circuit.track, course.car.driver.margin_m}, options);
+  EXPECT_FALSE(drive.hasHit());
+  for (const auto& row : drive.rows) {
+    ASSERT_FALSE(row.alarm) << row.time_s << " s";
+    ASSERT_EQ(row.guard, GuardState::localized) << row.time_s << " s";
+  }
+}
+
 TEST(ClosedLoop, SameArgumentsSameBitsOnAnyNumberOfThreads) {
   const Course course("lvms");
   const RacingLine told = lineAlongWall(course.circuit, course.car.car, Side::right, kGap_m);

@@ -384,6 +384,21 @@ TEST(FusionHistoryProperty, NothingLocksItOut) {
   });
 }
 
+TEST(FusionHistoryProperty, AMotionThatAllSourcesContradictGivesWay) {
+  // Hard braking before the slip is learnt: dead reckoning turns off by 0.1 rad within a second, and stays there.
+  forAll(5, [](Random& rnd) {
+    auto messages = drive(12, rnd, none);
+    for (auto& message : messages)
+      if (auto* control = std::get_if<Control>(&message))
+        control->slip_rad = 0.1 * std::clamp(control->stamp_s - 5, 0.0, 1.0);
+    FusionHistory history = started();
+    const Course r = driven(history, messages);
+    EXPECT_EQ(r.firstAlarm_s(0), std::nullopt);
+    EXPECT_LT(r.worst_m(5, 12), 0.50);  // 7 m/s off course for the time of a few fixes
+    EXPECT_LT(r.rmse_m(8, 12), 0.06);   // as without: it has learnt the angle
+  });
+}
+
 TEST(FusionHistory, AHeadingThatFlipsIsLeftOutAndItsPositionHeard) {
   const auto flip = [](TimedFix& fix, Random&) {
     if (fix.fix.source == "gps_left" && within(fix, 5, 10)) fix.fix.heading_rad += M_PI;
