@@ -340,7 +340,7 @@ class LoopDrive {
 }  // namespace
 
 std::vector<Fault> everySourceDrifts(const Track& track, const CarFile& car, double there_m, double from_s,
-                                     double to_s, double drift_mps) {
+                                     double to_s, double drift_mps, double noise_m) {
   std::vector<std::string> sources;
   for (const auto& device : car.gps) sources.push_back(device.first);
   sources.emplace_back(kMatchLabel);
@@ -355,11 +355,11 @@ std::vector<Fault> everySourceDrifts(const Track& track, const CarFile& car, dou
     drift.to_s = to_s;
     drift.rate_mps = times * drift_mps;
     drift.direction_deg = yawOf(track.at(there_m).T_map_road) / kDegree + 90;
+    faults.push_back(drift);
     Fault noise = drift;
     noise.kind = FaultKind::gps_noise;
-    noise.sigma_m = 1;
-    faults.push_back(drift);
-    faults.push_back(noise);
+    noise.sigma_m = noise_m;
+    if (noise_m > 0) faults.push_back(noise);
     times += 0.5;
   }
   return faults;

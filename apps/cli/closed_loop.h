@@ -25,10 +25,11 @@ struct ClosedLoopOptions {
 };
 
 /** Every receiver and the scan match drift off, to the left of the road as it lies at a station: the first at
- * `drift_mps`, each other one half of that faster than the one before, all with 1 m of noise on each axis and the claims
- * that they had. No two agree, and none is steady enough to pass for the car's own motion. */
+ * `drift_mps`, each other one half of that faster than the one before, all with noise on each axis and the claims that
+ * they had. No two agree. */
 [[nodiscard]] std::vector<Fault> everySourceDrifts(const Track& track, const CarFile& car, double there_m,
-                                                   double from_s, double to_s, double drift_mps);
+                                                   double from_s, double to_s, double drift_mps,
+                                                   double noise_m = 1);
 
 /** What happened at one instant. */
 struct ClosedLoopRow {

@@ -116,7 +116,7 @@ GateDecision Estimator::decide(EstimatorState& state, std::vector<PoseFix> fixes
     SourceRecord& known = *placeOf(state.records, fix.source);
     SourceVerdict verdict{fix.source, 0, 0, 0, 0, false};
     verdict.nis = known.nis;
-    known.confirms = verdict.nis <= x_confirm_limit && scattersAsClaimed(known);
+    known.confirms = verdict.nis <= x_confirm_limit && scattersAsClaimed(known) && known.supported;
     verdicts.push_back(std::move(verdict));
   }
   const auto isConfirmed = [&] {
@@ -125,6 +125,11 @@ GateDecision Estimator::decide(EstimatorState& state, std::vector<PoseFix> fixes
     });
   };
   const bool is_confirmed_before = isConfirmed();
+  const bool is_alone =
+      !is_confirmed_before && state.stamp_s - state.confirmed_s > x_options.recovery.alone_s;
+  CarState reckoned = state.car;  // with what dead reckoning may be off
+  reckoned.covariance.topLeftCorner<2, 2>() +=
+      std::pow(x_options.recovery.drift_share * state.alone_m, 2) * Eigen::Matrix2d::Identity();
 
   std::vector<PoseFix> heard;
   std::vector<std::size_t> numbers;  // of the fixes that are heard
@@ -143,6 +148,9 @@ GateDecision Estimator::decide(EstimatorState& state, std::vector<PoseFix> fixes
       verdict.limit = reliability.separation_m;
     } else if (is_confirmed_before && !known->confirms) {
       verdict.delta = verdict.nis;
+      verdict.limit = x_confirm_limit;
+    } else if (const double nis = positionNis(reckoned, fixes[i]); is_alone && nis > x_confirm_limit) {
+      verdict.delta = nis;
       verdict.limit = x_confirm_limit;
     } else {
       fixes[i].cov_p_m2 *= verdict.inflation;

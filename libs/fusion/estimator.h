@@ -52,6 +52,8 @@ class Estimator {
    *    many times (fading memory), and their claims stay as they are.
    * 2. A fix confirms the estimate if its own claim explains its innovation and its source scatters as it claims. While
    *    the newest fix of some source does, fixes that contradict the estimate have no say.
+   *    When nobody has for alone_s, fixes have no say that are farther off than dead reckoning may be by drift_share of the
+   *    way.
    * 3. Claims that innovations contradict are inflated, by half their normalised square; gate() decides between what is
    *    left, and the filter is corrected with the result. An alarm is a decision while nobody confirms the estimate.
    * 4. When nobody has confirmed it for RecoveryOptions::alone_s, and two sources have agreed with each other for

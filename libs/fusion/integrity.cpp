@@ -24,8 +24,6 @@ const char* nameOf(LocalizationState state) {
 
 void IntegrityOptions::describe(OptionList& keys) {
   keys.add("protection_sigmas", protection_sigmas, between(1, 10), "protection levels are this many sigmas");
-  keys.add("drift_share", drift_share, between(0, 1),
-           "and this share of the way since a source last confirmed the estimate, along and across");
   keys.add("half_width_m", half_width_m, above(0), "from the car's middle to its side [m]");
   keys.add("alert_limit_m", alert_limit_m, above(0), "lateral alert limit where the map knows no wall [m]");
 }
@@ -43,7 +41,7 @@ Integrity assess(const EstimatorState& state, std::optional<double> gap_m, const
     bias_m = bias_m.cwiseMax((R_body_map * record.mean_m).cwiseAbs());
   }
 
-  const double drift_m = integrity.drift_share * state.alone_m;
+  const double drift_m = options.recovery.drift_share * state.alone_m;
   Integrity out;
   out.protection = {integrity.protection_sigmas * std::sqrt(P(1, 1)) + bias_m.y() + drift_m,
                     integrity.protection_sigmas * std::sqrt(P(0, 0)) + bias_m.x() + drift_m,

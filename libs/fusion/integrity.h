@@ -21,7 +21,6 @@ enum class LocalizationState {
 /** Section [integrity]. */
 struct IntegrityOptions {
   double protection_sigmas = 5;
-  double drift_share = 0.01;
   double half_width_m = 1;
   double alert_limit_m = 3;
   void describe(OptionList& keys);

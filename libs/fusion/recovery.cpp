@@ -18,6 +18,10 @@ void RecoveryOptions::describe(OptionList& keys) {
   keys.add("alone_s", alone_s, atLeast(0),
            "when no source has confirmed the estimate for this long, it is dead reckoning; before, there is "
            "no reset [s]");
+  keys.add("drift_share", drift_share, between(0, 1),
+           "of the way driven like that, by which dead reckoning may be off: in the protection levels; fixes "
+           "farther off "
+           "are not heard alone");
 }
 
 std::optional<TwoKeys> twoKeys(const std::vector<SourceRecord>& records, double stamp_s,

@@ -15,6 +15,7 @@ struct RecoveryOptions {
   double agree_s = 0.5;
   double leap_s = 10;
   double alone_s = 0.2;
+  double drift_share = 0.01;
   void describe(OptionList& keys);
 };
 

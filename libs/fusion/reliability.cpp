@@ -80,6 +80,7 @@ void record(SourceRecord& known, double stamp_s, const CarState& predicted, cons
   now.left = known.left;
   now.left_by_m = known.left_by_m;
   now.leapt = known.leapt;
+  now.supported = known.supported;
   if (stamp_s - known.stamp_s <= options.fresh_s) {
     const double share = -std::expm1(-(stamp_s - known.stamp_s) / options.window_s);
     const auto stepBy = [&](const Eigen::Vector2d& moved_m) {
@@ -157,6 +158,7 @@ void holdAgainstEachOther(std::vector<SourceRecord>& records, const MotionWitnes
   for (std::size_t i = 1; i < n; ++i) {
     SourceRecord& record = records[fresh[i - 1]];
     const unsigned against = winners & ~agreeing[i];
+    record.supported = fresh.size() < 2 || sizeOf(agreeing[i]) >= 2;
     if (sizeOf(against) >= 2) record.left = true;
     if (!record.left) continue;
     if (against != 0) {

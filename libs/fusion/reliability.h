@@ -48,6 +48,8 @@ struct SourceRecord {
   double scatter = 1;     ///< the same with each step at most kMostStep: forgives soon
   bool confirms = false;  ///< its newest fix was accepted, as its claim lets expect
   bool left = false;
+  bool supported =
+      true;  ///< another source or the car's own motion agrees with it, or there is no other source
   /** It confirmed the estimate, then was elsewhere from one fix to the next, and has neither leapt back nor confirmed it
    * since: the car does not move so, hence the fault is the source's. Not of one that scatters: that is noise. */
   bool leapt = false;
@@ -92,7 +94,8 @@ void record(SourceRecord& known, double stamp_s, const CarState& predicted, cons
  * wins that agrees with each other, of the fresh sources that scatter as they claim and the car's own motion; of equally
  * large ones that with the motion, then the first. A source that disagrees with at least two of it has left, and is back
  * once it has agreed with all of it for return_s. Which of two sources is right is hence told by the motion, or not at
- * all. How far those that have left are from the winners' mean is noted in left_by_m.
+ * all. Where there are others, one with which nobody agrees is marked as not supported. How far those that have left are
+ * from the winners' mean is noted in left_by_m.
  * \param records  by name; at most 16 count */
 void holdAgainstEachOther(std::vector<SourceRecord>& records, const MotionWitness& motion, double stamp_s,
                           const ReliabilityOptions& options);
