@@ -131,7 +131,10 @@ WallPath Guard::plan(const GuardInput& input) const {
   return planAlong(*input.walls.on(*x_side), gap_m, input.speed_mps, input.curvature_per_m, x_path);
 }
 
-GuardOutput Guard::update(const GuardInput& input) {
+GuardOutput Guard::update(const GuardInput& seen) {
+  const WallScan walls = ahead(seen.walls);
+  const GuardInput input{seen.stamp_s, seen.is_localized, walls,
+                         seen.tracked, seen.speed_mps,    seen.curvature_per_m};
   if (x_stamp_s && !(input.stamp_s >= *x_stamp_s))
     throw std::invalid_argument("Guard: stamps must not go back");
   x_stamp_s = input.stamp_s;

@@ -81,7 +81,7 @@ class Guard {
  public:
   Guard(const GuardOptions& options, const WallPathOptions& path) : x_options(options), x_path(path) {}
   /** \throws std::invalid_argument if a stamp is earlier than the one before. */
-  [[nodiscard]] GuardOutput update(const GuardInput& input);
+  [[nodiscard]] GuardOutput update(const GuardInput& seen);
   [[nodiscard]] GuardState state() const { return x_state; }
 
  private:

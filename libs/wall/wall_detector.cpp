@@ -16,9 +16,22 @@ double Wall::clearance_m(const Eigen::Vector2d& p_body_m) const {
   return side == Side::left ? -across_m : across_m;
 }
 
-Wall moved(const Wall& wall, const Pose& T_last_now, double dt_s) {
-  // Points of the curve, moved, and the parabola through them: in the plane of the road, as turns of a tenth of a second
-  // are small.
+Wall ahead(Wall wall) {
+  if (wall.beta_ahead) wall.beta = *std::exchange(wall.beta_ahead, std::nullopt);
+  return wall;
+}
+
+WallScan ahead(WallScan walls) {
+  for (auto* wall : {&walls.left, &walls.right})
+    if (*wall) *wall = (*wall)->is_passed ? std::nullopt : std::optional(ahead(**wall));
+  return walls;
+}
+
+namespace {
+
+/** Points of the curve, moved, and the parabola through them: in the plane of the road, as turns of a tenth of a second
+ * are small. */
+Eigen::Vector3d moved(const Eigen::Vector3d& beta, const Pose& T_last_now) {
   const Pose T_now_last = T_last_now.inverse();
   const double middle_m = T_last_now.translation().x();
   Eigen::Matrix3d X;
@@ -26,12 +39,21 @@ Wall moved(const Wall& wall, const Pose& T_last_now, double dt_s) {
   for (int k = 0; k < 3; ++k) {
     constexpr double kApart_m = 10;
     const double x_m = middle_m + kApart_m * (k - 1);
-    const Eigen::Vector3d p_m = T_now_last * Eigen::Vector3d(x_m, wall.y_m(x_m), 0);
+    const Eigen::Vector3d p_m =
+        T_now_last * Eigen::Vector3d(x_m, Eigen::Vector3d(1, x_m, x_m * x_m).dot(beta), 0);
     X.row(k) << 1, p_m.x(), p_m.x() * p_m.x();
     y[k] = p_m.y();
   }
+  return X.inverse() * y;
+}
+
+}  // namespace
+
+Wall moved(const Wall& wall, const Pose& T_last_now, double dt_s) {
+  const double middle_m = T_last_now.translation().x();
   Wall out = wall;
-  out.beta = X.inverse() * y;
+  out.beta = moved(wall.beta, T_last_now);
+  if (wall.beta_ahead) out.beta_ahead = moved(*wall.beta_ahead, T_last_now);
   // The covariance of y(x) = [1 x x^2] beta, at x + middle.
   Eigen::Matrix3d shift;
   shift << 1, middle_m, middle_m * middle_m, 0, 1, 2 * middle_m, 0, 0, 1;

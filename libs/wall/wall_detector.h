@@ -29,6 +29,10 @@ struct Wall {
   double residual_m;           ///< median distance of what was seen from the line
   double height_m;             ///< of what was seen, at most
   double age_s;                ///< since it was seen; 0: in this scan
+  /** The same by what lies ahead of the rear axle alone, where more was seen: at the begin of a turn no parabola fits
+   * what is passed and what comes, and the guard asks for what comes. */
+  std::optional<Eigen::Vector3d> beta_ahead = std::nullopt;
+  bool is_passed = false;  ///< no wall is ahead of the rear axle
 
   [[nodiscard]] double y_m(double x_m) const { return beta[0] + x_m * (beta[1] + x_m * beta[2]); }
   [[nodiscard]] double slope(double x_m) const { return beta[1] + 2 * x_m * beta[2]; }
@@ -40,6 +44,9 @@ struct Wall {
   /** How far a point is on the car's side of the wall, perpendicular to it; < 0: beyond it. */
   [[nodiscard]] double clearance_m(const Eigen::Vector2d& p_body_m) const;
 };
+
+/** The wall by its curve ahead. */
+[[nodiscard]] Wall ahead(Wall wall);
 
 /** The wall after the body has moved. Its covariance grows by nothing: the motion over a wall's age is known to
  * centimetres. */
@@ -59,6 +66,9 @@ struct WallScan {
 
   [[nodiscard]] const std::optional<Wall>& on(Side side) const { return side == Side::left ? left : right; }
 };
+
+/** The walls that are not passed, by their curves ahead. */
+[[nodiscard]] WallScan ahead(WallScan walls);
 
 /** Section [wall]. */
 struct WallOptions {

@@ -70,7 +70,7 @@ std::optional<Wall> WallFit::find(Side side) {
   std::sort(x_long.begin(), x_long.end(),
             [&](auto a, auto b) { return std::pair(distance_m(a), a) < std::pair(distance_m(b), b); });
   for (std::size_t k = 0; k < std::min(kTried, x_long.size()); ++k)
-    if (auto wall = from(x_long[k], side)) return wall;
+    if (auto wall = whole(x_long[k], side)) return wall;
   return std::nullopt;
 }
 
@@ -88,7 +88,8 @@ void WallFit::forCells(const Window& window, const Use& use) const {
   for (; cell != x_cells.end() && double{cell->face_m.x()} <= window.to_m; ++cell) use(*cell);
 }
 
-std::optional<WallFit::Curve> WallFit::seed(std::int32_t cluster, Side side, Window& window) {
+std::optional<WallFit::Curve> WallFit::seed(std::int32_t cluster, Side side, double least_x_m,
+                                            Window& window) {
   const auto isOurs = [&](const WallCell& c) { return c.cluster == cluster && c.isOn(side); };
   double first_m = x_options.max_range_m, last_m = -first_m;
   forCells({last_m, first_m}, [&](const WallCell& c) {
@@ -96,7 +97,8 @@ std::optional<WallFit::Curve> WallFit::seed(std::int32_t cluster, Side side, Win
     first_m = std::min(first_m, double{c.face_m.x()});
     last_m = std::max(last_m, double{c.face_m.x()});
   });
-  if (first_m > kReach_m || last_m < -kReach_m) return std::nullopt;
+  first_m = std::max(first_m, least_x_m);
+  if (first_m > kReach_m || last_m < std::max(first_m, -kReach_m)) return std::nullopt;
   const double middle_m = std::clamp(0.0, first_m, std::max(first_m, last_m));
   window = {std::max(first_m, middle_m - kSeedHalf_m), std::min(last_m, middle_m + kSeedHalf_m)};
 
@@ -224,15 +226,28 @@ Wall WallFit::wallOf(const Curve& curve, const Window& window, Side side) {
   return wall;
 }
 
-std::optional<Wall> WallFit::from(std::int32_t cluster, Side side) {
+std::optional<Wall> WallFit::whole(std::int32_t cluster, Side side) {
+  auto wall = from(cluster, side, -x_options.max_range_m);
+  if (wall && wall->from_x_m >= 0) return wall;
+  const auto ahead = from(cluster, side, 0);
+  if (!wall) return ahead;
+  if (ahead)
+    wall->beta_ahead = ahead->beta;
+  else
+    wall->is_passed = true;
+  return wall;
+}
+
+std::optional<Wall> WallFit::from(std::int32_t cluster, Side side, double least_x_m) {
   Window window{};
-  auto curve = seed(cluster, side, window);
+  auto curve = seed(cluster, side, least_x_m, window);
   if (!curve) return std::nullopt;
   struct End {
     bool grows = true;
     double gap_m = 0;
   };
   End ahead, behind;
+  behind.grows = window.from_m > least_x_m;
   Window tried = window;
   while (ahead.grows || behind.grows) {
     constexpr double kStep_m = 4, kStepShare = 0.2;
@@ -240,10 +255,11 @@ std::optional<Wall> WallFit::from(std::int32_t cluster, Side side) {
     bool has_grown = false;
     const auto grow = [&](End& end, double& at_m, double& seen_m, double sign) {
       if (!end.grows) return;
-      const double next_m = at_m + sign * step_m;
+      const double next_m = std::max(least_x_m, at_m + sign * step_m);
       const auto good = fits(*curve, std::min(at_m, next_m), std::max(at_m, next_m));
       end.gap_m = good ? 0 : end.gap_m + step_m;
-      end.grows = good.value_or(end.gap_m <= x_options.max_gap_m) && std::abs(next_m) < x_options.max_range_m;
+      end.grows = good.value_or(end.gap_m <= x_options.max_gap_m) &&
+                  std::abs(next_m) < x_options.max_range_m && next_m > least_x_m;
       at_m = next_m;
       if (!good || !*good) return;
       seen_m = next_m;

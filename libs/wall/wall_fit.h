@@ -46,9 +46,12 @@ class WallFit {
     double from_m, to_m;
   };
   /** The wall that a cluster's cells on one side of the car begin; none if they are no smooth wall. Where it goes on
-   * behind a gap, or in pieces that are clusters of their own, it is followed along the curve. */
-  [[nodiscard]] std::optional<Wall> from(std::int32_t cluster, Side side);
-  [[nodiscard]] std::optional<Curve> seed(std::int32_t cluster, Side side, Window& window);
+   * behind a gap, or in pieces that are clusters of their own, it is followed along the curve.
+   * \param least_x_m  what is farther back is left out */
+  [[nodiscard]] std::optional<Wall> from(std::int32_t cluster, Side side, double least_x_m);
+  /** The same, with its curve ahead. */
+  [[nodiscard]] std::optional<Wall> whole(std::int32_t cluster, Side side);
+  [[nodiscard]] std::optional<Curve> seed(std::int32_t cluster, Side side, double least_x_m, Window& window);
   [[nodiscard]] bool refine(Curve& curve, const Window& window, double gate_m);
   void fitFoot(Curve& curve, const Window& window, double gate_m);
   /** Whether the cells between these lie on the curve; none if there are too few to say. */

@@ -55,8 +55,9 @@ void WallFollower::plan(const Wall& wall, double gap_m, double speed_mps, double
   x_shifts.push_back({x_shifts.back().s_m + options.step_m, gap_m, 0, 0});
 }
 
-Path WallFollower::follow(const Wall& wall, double gap_m, double speed_mps, double curvature_per_m,
+Path WallFollower::follow(const Wall& seen, double gap_m, double speed_mps, double curvature_per_m,
                           double course_rad, double moved_m) {
+  const Wall wall = ahead(seen);
   if (x_side == wall.side && x_gap_m == gap_m) {
     x_driven_m += moved_m;
   } else {

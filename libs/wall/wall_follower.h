@@ -27,7 +27,7 @@ class WallFollower {
    * \param moved_m          way since the scan before
    * \return a path from the car on, in the body frame: it may begin beside the car
    * \throws std::invalid_argument as planAlong() does */
-  [[nodiscard]] Path follow(const Wall& wall, double gap_m, double speed_mps, double curvature_per_m,
+  [[nodiscard]] Path follow(const Wall& seen, double gap_m, double speed_mps, double curvature_per_m,
                             double course_rad, double moved_m);
   /** The next wall is a new one. */
   void restart() { x_side.reset(); }
