@@ -93,14 +93,14 @@ std::string json(const CpuArgs& args, const ProcessUsage& u, long threads) {
 }
 
 Picture usagePicture(const ProcessUsage& u) {
-  std::string script = "$usage << EOD\n";
+  std::string script =
+      "$usage << EOD\n0 " + number(u.samples.empty() ? 0 : u.samples.front().cores) + " NaN\n";
   for (const auto& [end_s, cores, rss_MiB] : u.samples)
     script += number(end_s) + " " + number(cores) + " " + number(rss_MiB) + "\n";
-  if (u.samples.empty()) script += "0 0 0\n";
   script += "EOD\nset xrange [0:" + number(std::max(u.wall_s, 1e-3)) +
             "]\nset yrange [0:*]\nset y2range [0:*]\nset y2tics\nset xlabel 'time [s]'\nset ylabel 'cores'\n"
             "set y2label 'resident [MiB]'\nset key outside top left horizontal Left reverse samplen 2\n"
-            "plot $usage using 1:2 with steps lw 1.5 lc rgb '" +
+            "plot $usage using 1:2 with fsteps lw 1.5 lc rgb '" +
             std::string(kBlue) + "' title 'CPU', $usage using 1:3 axes x1y2 with lines lw 1.5 lc rgb '" +
             kVermillion + "' title 'memory'\n";
   return {"usage", "CPU and memory", 320, std::move(script)};

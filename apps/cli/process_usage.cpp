@@ -20,8 +20,10 @@
 #include <memory>
 #include <sstream>
 #include <stdexcept>
+#include <utility>
 
 #include "core/errors.h"
+#include "core/statistics.h"
 
 namespace raceloc {
 
@@ -164,19 +166,13 @@ class UsageLog {
 };
 
 double growthOverSecondHalf_MiB(const std::vector<UsageSample>& samples) {
-  const auto half = samples.begin() + static_cast<std::ptrdiff_t>(samples.size() / 2);
-  const auto n = static_cast<double>(samples.end() - half);
-  if (n < 3) return 0;
-  double mean_s = 0, mean_MiB = 0, tt = 0, tm = 0;
-  for (auto s = half; s != samples.end(); ++s) {
-    mean_s += s->end_s / n;
-    mean_MiB += s->rss_MiB / n;
-  }
-  for (auto s = half; s != samples.end(); ++s) {
-    tt += (s->end_s - mean_s) * (s->end_s - mean_s);
-    tm += (s->end_s - mean_s) * (s->rss_MiB - mean_MiB);
-  }
-  return tm / tt * (samples.back().end_s - half->end_s);
+  const auto medianOf = [&](std::size_t from, std::size_t to) {
+    std::vector<double> values_MiB;
+    for (std::size_t i = from; i < to; ++i) values_MiB.push_back(samples[i].rss_MiB);
+    return quantile(std::move(values_MiB), 0.5);
+  };
+  const std::size_t n = samples.size();
+  return n < 8 ? 0 : 2 * (medianOf(3 * n / 4, n) - medianOf(n / 2, 3 * n / 4));
 }
 
 /** SIGCHLD, SIGINT and SIGTERM are waited for while this lives, instead of interrupting. */

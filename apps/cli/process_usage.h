@@ -21,7 +21,8 @@ struct ProcessUsage {
   double cores_max, cores_min;      ///< of whole periods; of a run shorter than two, the mean
   std::size_t periods;              ///< whole ones
   double peak_rss_MiB;              ///< of the largest process, or of all together when a sample saw more
-  /** Change over the second half of the run, by the line of least squares through the samples. */
+  /** Change over the second half of the run: twice that between the medians of its quarters, so that what a program frees
+   * before it ends does not hide it; 0 for fewer than 8 samples. */
   double rss_growth_MiB;
   std::vector<UsageSample>
       samples;  ///< at most kMostSamples: of a long run, longer periods with the largest memory

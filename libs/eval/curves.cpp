@@ -4,15 +4,9 @@
 
 namespace raceloc {
 
-namespace {
-
-constexpr std::size_t kBins = 1000;  // of a curve; up to two points each
-
-}  // namespace
-
-std::vector<std::size_t> extremes(const std::vector<double>& y) {
+std::vector<std::size_t> extremes(const std::vector<double>& y, std::size_t most_bins) {
   std::vector<std::size_t> kept;
-  const std::size_t bins = std::min(kBins, y.size());
+  const std::size_t bins = std::min(most_bins, y.size());
   for (std::size_t b = 0; b < bins; ++b) {
     const auto first = y.begin() + static_cast<std::ptrdiff_t>(b * y.size() / bins);
     const auto last = y.begin() + static_cast<std::ptrdiff_t>((b + 1) * y.size() / bins);

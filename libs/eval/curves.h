@@ -9,8 +9,10 @@
 
 namespace raceloc {
 
-/** Which samples a curve of some 2000 points needs: the lowest and the highest of each bin, and both ends. \param y  at least one */
-[[nodiscard]] std::vector<std::size_t> extremes(const std::vector<double>& y);
+constexpr std::size_t kBins = 1000;  ///< of a curve: more than a picture has columns
+
+/** Which samples a curve needs: the lowest and the highest of each bin, and both ends. \param y  at least one */
+[[nodiscard]] std::vector<std::size_t> extremes(const std::vector<double>& y, std::size_t most_bins = kBins);
 
 /** Every n-th index, so that some 2000 remain, and the last. \param size  at least one */
 [[nodiscard]] std::vector<std::size_t> thinned(std::size_t size);

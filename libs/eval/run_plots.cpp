@@ -13,33 +13,34 @@ namespace raceloc {
 namespace {
 
 constexpr std::size_t kMostSources = 12;
+constexpr double kLowest_m = 1e-3, kHighest_m = 1e3;  // what is outside is drawn at the edge
 
+/** On logarithmic axes: the errors of a good hour and of a bad second are decades apart. */
 Picture stanfordPicture(const std::string& name, const std::string& direction,
                         const std::vector<Protected>& epochs) {
-  std::vector<double> sizes, limits;
+  double highest_m = 1;
+  std::vector<double> limits_m;
+  CellCounts cells(CellCounts::Axes::logarithmic, 0.05);
+  const auto shown = [](double value) { return std::clamp(value, kLowest_m, kHighest_m); };
   for (const auto& [error, protection, alert_limit] : epochs) {
-    sizes.push_back(error);
-    if (std::isfinite(protection)) sizes.push_back(protection);
-    if (std::isfinite(alert_limit)) limits.push_back(alert_limit);
+    cells.add(shown(error), shown(protection));
+    highest_m = std::max({highest_m, 1.2 * shown(error), 1.2 * shown(protection)});
+    if (std::isfinite(alert_limit)) limits_m.push_back(alert_limit);
   }
-  const double limit_m = quantile(limits, 0.5);
-  const double range_m = 1.1 * std::max({quantile(sizes, 1), limit_m, 1e-3});
-  const double cell_m = range_m / 80;
-  CellCounts cells(cell_m);
-  for (const auto& [error, protection, alert_limit] : epochs)
-    cells.add(error, std::min(protection, range_m - cell_m / 2));
+  const double limit_m = quantile(limits_m, 0.5);
+  if (!limits_m.empty()) highest_m = std::max(highest_m, 1.5 * shown(limit_m));
 
-  const std::string range = number(range_m);
-  std::string script = cells.block("cells") + countScale("estimates") +
-                       "set size ratio -1\nset xrange [0:" + range + "]\nset yrange [0:" + range +
-                       "]\nset xlabel 'size of the " + direction +
-                       " error [m]'\nset ylabel 'protection level [m]'\n"
-                       "set object 1 polygon from 0,0 to " +
-                       range + "," + range + " to " + range +
-                       ",0 to 0,0 behind fc rgb '#FDECE3' fs solid noborder\n"
-                       "set label 1 'misleading' at graph 0.97,0.05 right tc rgb '#A04000'\n";
-  if (!limits.empty())
-    script += "set arrow 1 from 0," + number(limit_m) + " to " + range + "," + number(limit_m) +
+  const std::string low = number(kLowest_m), high = number(highest_m);
+  std::string script =
+      cells.block("cells") + countScale("estimates") + "set size square\nset logscale xy\nset xrange [" +
+      low + ":" + high + "]\nset yrange [" + low + ":" + high +
+      "]\nset format xy '%g'\nset xlabel 'size of the " + direction +
+      " error [m]'\nset ylabel 'protection level [m]'\nset object 1 polygon from " + low + "," + low +
+      " to " + high + "," + high + " to " + high + "," + low + " to " + low + "," + low +
+      " behind fc rgb '#FDECE3' fs solid noborder\n"
+      "set label 1 'misleading' at graph 0.97,0.05 right tc rgb '#A04000'\n";
+  if (!limits_m.empty())
+    script += "set arrow 1 from " + low + "," + number(limit_m) + " to " + high + "," + number(limit_m) +
               " nohead dt 2 lc rgb 'black'\nset label 2 'alert limit (median)' at graph 0.02,first " +
               number(limit_m) + " offset 0,0.6\n";
   return {name, "Protection level over error, " + direction + " (Stanford diagram)", 620,

@@ -12,7 +12,8 @@ namespace raceloc {
 namespace {
 
 constexpr double kGravity_mps2 = 9.80665;
-constexpr std::size_t kNamedLaps = 6;  // more do not fit into a key
+constexpr std::size_t kFewestBins = 50;  // of a lap, when there are many
+constexpr std::size_t kNamedLaps = 6;    // more do not fit into a key
 
 /** The poses of one lap, as many as a curve shows: station on the lap and a value. */
 class LapCurves {
@@ -32,7 +33,7 @@ class LapCurves {
     for (std::size_t i = x_firsts[lap]; i < x_firsts[lap + 1]; ++i) y.push_back(x_poses[i].*value);
     std::string text;
     std::size_t before = x_firsts[lap];
-    for (const std::size_t k : extremes(y)) {
+    for (const std::size_t k : extremes(y, std::max(kBins / size(), kFewestBins))) {
       const std::size_t i = x_firsts[lap] + k;
       if (x_stretch[i] != x_stretch[before]) text += "\n";
       text += number(x_stations_m[i]) + " " + number(y[k]) + "\n";
@@ -91,7 +92,7 @@ Picture speedPicture(const Evaluation& e) {
 }
 
 Picture ggPicture(const Evaluation& e) {
-  CellCounts cells(0.05);
+  CellCounts cells(CellCounts::Axes::linear, 0.02);
   double largest_g = 0.5;
   for (const auto& [along_mps2, across_mps2] : accelerations(e.poses)) {
     const double along_g = along_mps2 / kGravity_mps2, across_g = across_mps2 / kGravity_mps2;
