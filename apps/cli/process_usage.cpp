@@ -23,7 +23,6 @@
 #include <utility>
 
 #include "core/errors.h"
-#include "core/statistics.h"
 
 namespace raceloc {
 
@@ -94,12 +93,8 @@ std::map<pid_t, ProcessStat> allProcesses() {
   return processes;
 }
 
-struct TreeUsage {
-  double cpu_s = 0, rss_MiB = 0;
-};
-
 /** The command and what it started. Orphans are children of this process, which is their subreaper. */
-TreeUsage treeUsage() {
+TreeReading treeUsage() {
   const auto processes = allProcesses();
   const pid_t self = getpid();
   const auto isOurs = [&](pid_t pid) {
@@ -111,68 +106,13 @@ TreeUsage treeUsage() {
     }
     return false;
   };
-  TreeUsage sum;
+  TreeReading sum;
   for (const auto& [pid, stat] : processes) {
     if (!isOurs(pid)) continue;
     sum.cpu_s += cpuTime_s(pid, stat.cpu_s) + stat.children_cpu_s;
     sum.rss_MiB += stat.rss_MiB;
   }
   return sum;
-}
-
-/** Samples of a run, in bounded memory. */
-class UsageLog {
- public:
-  void add(double end_s, const TreeUsage& now) {
-    const double cpu_s = std::max(now.cpu_s, x_cpu_s);  // a child that ended may be between two parents
-    const double cores = (cpu_s - x_cpu_s) / std::max(end_s - x_end_s, 1e-9);
-    x_max = std::max(x_max, cores);
-    x_min = std::min(x_min, cores);
-    x_peak_MiB = std::max(x_peak_MiB, now.rss_MiB);
-    ++x_periods;
-    x_cpu_s = cpu_s;
-    x_end_s = end_s;
-    x_cores += cores;
-    x_rss_MiB = std::max(x_rss_MiB, now.rss_MiB);
-    if (++x_merged < x_merge) return;
-    x_samples.push_back({end_s, x_cores / static_cast<double>(x_merged), x_rss_MiB});
-    x_merged = 0;
-    x_cores = x_rss_MiB = 0;
-    if (x_samples.size() == ProcessUsage::kMostSamples) halve();
-  }
-  void fill(ProcessUsage& usage) const {
-    usage.periods = x_periods;
-    usage.cores_max = x_periods > 1 ? x_max : usage.cores_mean;
-    usage.cores_min = x_periods > 1 ? x_min : usage.cores_mean;
-    usage.peak_rss_MiB = std::max(usage.peak_rss_MiB, x_peak_MiB);
-    usage.samples = x_samples;
-  }
-
- private:
-  void halve() {
-    for (std::size_t i = 0; i + 1 < x_samples.size(); i += 2) {
-      const UsageSample &a = x_samples[i], &b = x_samples[i + 1];
-      x_samples[i / 2] = {b.end_s, (a.cores + b.cores) / 2, std::max(a.rss_MiB, b.rss_MiB)};
-    }
-    x_samples.resize(x_samples.size() / 2);
-    x_merge *= 2;
-  }
-
-  double x_cpu_s = 0, x_end_s = 0, x_max = 0, x_min = HUGE_VAL, x_peak_MiB = 0;
-  std::size_t x_periods = 0;
-  std::size_t x_merge = 1, x_merged = 0;  // periods a sample, and those in the one that grows
-  double x_cores = 0, x_rss_MiB = 0;
-  std::vector<UsageSample> x_samples;
-};
-
-double growthOverSecondHalf_MiB(const std::vector<UsageSample>& samples) {
-  const auto medianOf = [&](std::size_t from, std::size_t to) {
-    std::vector<double> values_MiB;
-    for (std::size_t i = from; i < to; ++i) values_MiB.push_back(samples[i].rss_MiB);
-    return quantile(std::move(values_MiB), 0.5);
-  };
-  const std::size_t n = samples.size();
-  return n < 8 ? 0 : 2 * (medianOf(3 * n / 4, n) - medianOf(n / 2, 3 * n / 4));
 }
 
 /** SIGCHLD, SIGINT and SIGTERM are waited for while this lives, instead of interrupting. */
@@ -221,8 +161,6 @@ pid_t start(const std::vector<std::string>& command, const sigset_t& mask) {
 
 }  // namespace
 
-bool ProcessUsage::isFlat() const { return rss_growth_MiB < std::max(1.0, 0.02 * peak_rss_MiB); }
-
 ProcessUsage runMeasured(const std::vector<std::string>& command, double period_s) {
   prctl(PR_SET_CHILD_SUBREAPER, 1);
   const WaitedSignals signals;
@@ -251,7 +189,6 @@ ProcessUsage runMeasured(const std::vector<std::string>& command, double period_
   result.cores_mean = result.cpu_s() / std::max(result.wall_s, 1e-9);
   result.peak_rss_MiB = static_cast<double>(usage.ru_maxrss) / 1024;
   log.fill(result);
-  result.rss_growth_MiB = growthOverSecondHalf_MiB(result.samples);
   return result;
 }
 
