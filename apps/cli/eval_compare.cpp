@@ -72,6 +72,7 @@ std::vector<Pair> pairsOf(const CompareArgs& args) {
                      ": no file of raceloc-eval --csv of one name in both (A: " + listed(in_a) +
                      "; B: " + listed(in_b) + ")");
   std::vector<Pair> pairs;
+  pairs.reserve(names.size());
   for (const std::string& name : names)
     pairs.push_back({name, (fs::path(args.a_path) / name).string(), (fs::path(args.b_path) / name).string()});
   return pairs;

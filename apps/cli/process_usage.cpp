@@ -144,6 +144,7 @@ class WaitedSignals {
 pid_t start(const std::vector<std::string>& command, const sigset_t& mask) {
   std::vector<std::string> words = command;
   std::vector<char*> argv;
+  argv.reserve(words.size() + 1);
   for (std::string& word : words) argv.push_back(word.data());
   argv.push_back(nullptr);
   posix_spawnattr_t attributes;

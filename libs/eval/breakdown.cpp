@@ -132,6 +132,7 @@ std::vector<ErrorBin> errorsBySpeed(const std::vector<PoseError>& poses, double 
   std::map<double, Gathered> gathered;
   for (const PoseError& pose : poses) gathered[std::floor(pose.speed_mps / width_mps)].add(pose);
   std::vector<ErrorBin> bins;
+  bins.reserve(gathered.size());
   for (const auto& [number, sum] : gathered)
     bins.push_back(sum.bin(format("%g .. %g m/s", number * width_mps, (number + 1) * width_mps)));
   return bins;

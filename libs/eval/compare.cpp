@@ -91,6 +91,7 @@ Difference::Significance significanceOf(const Blocks& blocks, const CompareOptio
   std::mt19937_64 random(
       options.seed);  // its numbers are the same everywhere, those of std's distributions are not
   std::vector<double> resampled;
+  resampled.reserve(static_cast<std::size_t>(options.resamples));
   for (int i = 0; i < options.resamples; ++i)
     resampled.push_back(rmseDifference(n, [&](std::size_t) { return blocks[random() % n]; }));
 

@@ -106,8 +106,8 @@ Picture ggPicture(const Evaluation& e) {
                        "\nset xlabel 'to the left [g]'\nset ylabel 'ahead [g]'\nset xzeroaxis lt 1 lc rgb "
                        "'#606060'\nset yzeroaxis lt 1 lc rgb '#606060'\nset parametric\nset trange [0:2*pi]\n"
                        "set samples 181\nplot ";
-  for (double radius_g = 0.5; radius_g <= 1.05 * largest_g; radius_g += 0.5)
-    script += number(radius_g) + "*cos(t)," + number(radius_g) +
+  for (int halves = 1; halves <= static_cast<int>(2.1 * largest_g); ++halves)
+    script += number(0.5 * halves) + "*cos(t)," + number(0.5 * halves) +
               "*sin(t) with lines lw 0.7 dt 2 lc rgb '#808080' notitle, ";
   return {"gg", "Accelerations of the truth (gg-diagram)", 620, script + CellCounts::plot("cells") + "\n"};
 }

@@ -101,7 +101,7 @@ GateDecision Estimator::decide(EstimatorState& state, std::vector<PoseFix> fixes
     SourceRecord& known = recorded(state, fix, reliability);
     SourceVerdict verdict{fix.source, 0, 0, 0, 0, false};
     verdict.nis = known.nis;
-    verdict.innovation_map_m = known.residual_m;
+    verdict.innovation_body_m = Eigen::Rotation2Dd(-state.car.mean(2)) * known.residual_m;
     known.confirms = verdict.nis <= x_confirm_limit && scattersAsClaimed(known);
     const double excess =
         scattersAsClaimed(known) ? known.contradiction : std::max(known.contradiction, known.noise);

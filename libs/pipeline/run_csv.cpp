@@ -1,6 +1,7 @@
 #include "pipeline/run_csv.h"
 
 #include <cstdio>
+#include <limits>
 
 namespace raceloc {
 
@@ -49,18 +50,33 @@ DecisionCsv::DecisionCsv(const std::string& path)
              "weight,nis,inflation,confirms,left,source") {}
 
 void DecisionCsv::write(const LocalizerOutput& output) {
-  if (!output.decision) return;
-  const auto& [stamp_s, fixes, decision] = *output.decision;
-  const Eigen::Rotation2Dd R_body_map(-yawOf(output.T_map_body));
-  for (const SourceVerdict& v : decision.sources) {
-    const Eigen::Vector2d innovation_m = R_body_map * v.innovation_map_m;
-    char line[300];
-    std::snprintf(line, sizeof line, "%.6f,%d,%d,%d,%.4f,%.4f,%d,%.6g,%.6g,%.6g,%.6g,%.6g,%.6g,%d,%d,",
-                  stamp_s, static_cast<int>(decision.rule), decision.alarm ? 1 : 0, decision.reset ? 1 : 0,
-                  innovation_m.x(), innovation_m.y(), v.accepted ? 1 : 0, v.delta, v.limit, v.p_theta,
-                  v.weight, v.nis, v.inflation, v.confirms ? 1 : 0, v.left ? 1 : 0);
-    stream() << line << quoted(v.source) << '\n';
+  constexpr double kSettled_s = 11;  // the longest lag that HistoryOptions allows, and a group
+  for (const auto& made : output.decisions) {
+    while (!x_pending.empty() && x_pending.back().begin_s >= made.front().begin_s) x_pending.pop_back();
+    x_pending.insert(x_pending.end(), made.begin(), made.end());
   }
+  writeBefore(output.stamp_s - kSettled_s);
+}
+
+void DecisionCsv::writeBefore(double stamp_s) {
+  for (; !x_pending.empty() && x_pending.front().stamp_s < stamp_s; x_pending.pop_front()) {
+    const DatedDecision& dated = x_pending.front();
+    const GateDecision& decision = dated.decision;
+    for (const SourceVerdict& v : decision.sources) {
+      char line[300];
+      std::snprintf(line, sizeof line, "%.6f,%d,%d,%d,%.4f,%.4f,%d,%.6g,%.6g,%.6g,%.6g,%.6g,%.6g,%d,%d,",
+                    dated.stamp_s, static_cast<int>(decision.rule), decision.alarm ? 1 : 0,
+                    decision.reset ? 1 : 0, v.innovation_body_m.x(), v.innovation_body_m.y(),
+                    v.accepted ? 1 : 0, v.delta, v.limit, v.p_theta, v.weight, v.nis, v.inflation,
+                    v.confirms ? 1 : 0, v.left ? 1 : 0);
+      stream() << line << quoted(v.source) << '\n';
+    }
+  }
+}
+
+void DecisionCsv::commit() {
+  writeBefore(std::numeric_limits<double>::infinity());
+  RunCsv::commit();
 }
 
 LatencyCsv::LatencyCsv(const std::string& path) : RunCsv(path, "stamp_s,scan_to_pose_s") {}

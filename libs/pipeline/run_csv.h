@@ -2,6 +2,7 @@
  * What the localizer thinks of its own run, as tables for raceloc-eval. The first line names the columns. */
 #pragma once
 
+#include <deque>
 #include <fstream>
 #include <string>
 
@@ -17,7 +18,7 @@ class RunCsv {
   RunCsv(const RunCsv&) = delete;
   RunCsv& operator=(const RunCsv&) = delete;
   virtual void write(const LocalizerOutput& output) = 0;
-  void commit();
+  virtual void commit();
   [[nodiscard]] const std::string& path() const { return x_file.path(); }
 
  protected:
@@ -40,11 +41,18 @@ class IntegrityCsv : public RunCsv {
 };
 
 /** A line a source a decision of the gate: its stamp [s], rule (1..4, see GateRule), alarm, reset, and of the source the
- * innovation along and across the car's heading [m] and what SourceVerdict says. Its label is quoted. */
+ * innovation along and across the car's heading [m] and what SourceVerdict says. Its label is quoted.
+ * Decisions stand as they were made last, with what came late; so they are held back for longer than any lag. */
 class DecisionCsv : public RunCsv {
  public:
   explicit DecisionCsv(const std::string& path);
   void write(const LocalizerOutput& output) override;
+  void commit() override;
+
+ private:
+  void writeBefore(double stamp_s);
+
+  std::deque<DatedDecision> x_pending;
 };
 
 /** A line a sweep: stamp of its end, and the wall time [s] from its last point to its pose, preparation and match. No two

@@ -46,7 +46,7 @@ class Trajectories : public BadInput {
   }
   /** Errors of a drive as a table. */
   [[nodiscard]] std::string errorsOf(const std::string& name, const std::string& drive_text) const {
-    const std::string table = in / (name + ".csv");
+    std::string table = in / (name + ".csv");
     require(runCommand({app("raceloc-eval"), "--truth", in / "truth.tum", "--estimate",
                         written(name + ".tum", drive_text), "--csv", table}));
     return table;
