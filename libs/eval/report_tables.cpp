@@ -31,8 +31,8 @@ std::string pathText(const Evaluation& e) {
   std::string text = format("%.1f m at %.1f .. %.1f m/s (%.0f .. %.0f km/h)", e.path_length_m,
                             e.min_speed_mps, e.max_speed_mps, 3.6 * e.min_speed_mps, 3.6 * e.max_speed_mps);
   if (e.lap_starts_m.size() > 1)
-    text +=
-        format("; %zu full laps of %.0f m", e.lap_starts_m.size() - 1, lapLength_m(e.poses, e.lap_starts_m));
+    text += format("; full laps: %zu, of %.0f m", e.lap_starts_m.size() - 1,
+                   lapLength_m(e.poses, e.lap_starts_m));
   return text;
 }
 

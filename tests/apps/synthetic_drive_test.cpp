@@ -2,6 +2,9 @@
  * Import, map, localization and evaluation on a drive through a made-up street, whose truth is known. */
 #include <gmock/gmock.h>
 
+#include <set>
+#include <sstream>
+
 #include "apps/localize.h"
 
 namespace {
@@ -115,6 +118,10 @@ TEST(SyntheticDrive, TellsOfItselfWhatTheEvaluationReads) {
   // Matches come later than the fixes after them, and the decisions are made anew: none is lost by that.
   EXPECT_GE(figures.at("gate").at(1).at("decisions"), figures.at("latency").at("sweeps"));
   EXPECT_EQ(figures.at("gate").at(1).at("accepted"), figures.at("gate").at(1).at("decisions"));
+  std::set<std::string> said;  // stamp and source, once each
+  std::istringstream decisions(readFile(out / "decisions.csv"));
+  for (std::string line; std::getline(decisions, line);)
+    EXPECT_TRUE(said.insert(line.substr(0, line.find(',')) + line.substr(line.rfind(','))).second) << line;
   EXPECT_LT(figures.at("gate").at(0).at("innovation_rms_m"), 0.2);  // of fixes with 2 cm of noise
   EXPECT_GT(figures.at("latency").at("sweeps"), 0);
 }
