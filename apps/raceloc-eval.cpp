@@ -1,26 +1,12 @@
 /** \file
- * Trajectories in, errors and pictures out. */
-#include <iostream>
-
+ * Trajectories in, errors and pictures out; and what a command costs. */
 #include "cli/app.h"
 #include "cli/eval_args.h"
-#include "core/output_file.h"
-#include "eval/plots.h"
-#include "eval/report.h"
 
 int main(int argc, char** argv) {
-  return raceloc::runApp("raceloc-eval", [&] {
-    const auto args = raceloc::parseEvalArgs(argc, argv);
-    if (!args) return;
-    const auto evaluation =
-        raceloc::evaluate(raceloc::readTrajectoryFile(args->truth_path),
-                          raceloc::readTrajectoryFile(args->estimate_path), args->options);
-    std::cout << raceloc::textReport(evaluation) << std::flush;
-    if (!args->csv_path.empty()) raceloc::writeTextFile(args->csv_path, raceloc::errorsCsv(evaluation));
-    if (!args->json_path.empty()) raceloc::writeTextFile(args->json_path, raceloc::figuresJson(evaluation));
-    if (!args->picture_path.empty())
-      raceloc::writeTextFile(args->picture_path, raceloc::trajectoryPicture(evaluation));
-    if (!args->report_path.empty())
-      raceloc::writeTextFile(args->report_path, raceloc::htmlReport(evaluation, args->command));
+  int status = 0;  // of the command that `cpu` ran
+  const int failure = raceloc::runApp("raceloc-eval", [&] {
+    if (const auto args = raceloc::parseEvalArgs(argc, argv)) status = raceloc::runEval(*args);
   });
+  return failure != 0 ? failure : status;
 }

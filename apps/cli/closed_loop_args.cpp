@@ -8,7 +8,7 @@
 #include "cli/loop_localizer.h"
 #include "cli/text_options.h"
 #include "core/output_file.h"
-#include "eval/plots.h"
+#include "eval/time_picture.h"
 
 namespace raceloc {
 

@@ -3,13 +3,14 @@
 #include <cmath>
 #include <cstdio>
 #include <iostream>
+#include <memory>
 
 #include "cli/app.h"
 #include "cli/live_run.h"
 #include "cli/odometry_text.h"
 #include "core/errors.h"
-#include "pipeline/integrity_csv.h"
 #include "pipeline/line_stream.h"
+#include "pipeline/run_csv.h"
 #include "pipeline/sweep_scene.h"
 
 namespace raceloc {
@@ -21,7 +22,7 @@ constexpr char kHelp[] = R"(NAME
 
 SYNOPSIS
   raceloc-live -c INI -m MAP.rlmap -i RACE.rawlog [-o ANNOTATED.rawlog] [--trajectory RACE.tum]
-               [--integrity RACE.csv] [--scene SWEEP.3Dscene]
+               [--integrity FILE.csv] [--decisions FILE.csv] [--latency FILE.csv] [--scene SWEEP.3Dscene]
   raceloc-live -c INI -m MAP.rlmap -i RACE.rawlog --speed 1 [--record BLACKBOX.rawlog] ...
   raceloc-live -c INI -m MAP.rlmap --sensors SENSORS.ini [--record BLACKBOX.rawlog] ...
   raceloc-live -c INI --odometry-only -i RACE.rawlog --trajectory ODOMETRY.tum
@@ -33,8 +34,9 @@ DESCRIPTION
   RawLogViewer: the estimate as CObservationRobotPose with covariance and as the only odometry, the gate's
   numbers as CObservationRawDAQ labelled gate, and at each sweep a CObservation3DScene with car, scan, sources
   and verdicts.
-  --integrity writes a line an estimate: its state, protection levels and covariance, for
-  tests/bench/consistency.py.
+  For raceloc-eval, which takes options of the same names: --integrity writes a line an estimate, its state, protection
+  levels and covariance; --decisions a line a source a decision, its innovation and what the gate held against it;
+  --latency a line a sweep, the time from its last point to its pose.
   At each sweep the walls beside the car are looked for in the sweep alone, and a guard says whether to drive the planned
   path or one along a wall: because nothing can be believed, or because the car comes too close. Walls, guard and path
   are in the annotated log and in the stream; --scene writes the first sweep in which the guard took over, or else the
@@ -107,7 +109,8 @@ void print(const ReplayReport& r) {
       r.guard_counts[3]);
   for (const auto& [cause, times] : r.causes)
     std::printf("NOT OK           %zu outputs: %s\n", times, cause.c_str());
-  std::printf("scan to pose     %.1f ms median, %.1f ms p99\n", 1e3 * r.match_median_s, 1e3 * r.match_p99_s);
+  std::printf("scan to pose     %.1f ms median, %.1f ms p99, %.1f ms max\n", 1e3 * r.match_median_s,
+              1e3 * r.match_p99_s, 1e3 * r.match_max_s);
 }
 
 void print(const OdometryReport& r) {
@@ -174,6 +177,15 @@ class SceneToKeep {
   bool x_is_final = false;
 };
 
+/** The tables that were asked for. */
+std::vector<std::unique_ptr<RunCsv>> tablesOf(const LiveArgs& args) {
+  std::vector<std::unique_ptr<RunCsv>> tables;
+  if (!args.integrity_path.empty()) tables.push_back(std::make_unique<IntegrityCsv>(args.integrity_path));
+  if (!args.decisions_path.empty()) tables.push_back(std::make_unique<DecisionCsv>(args.decisions_path));
+  if (!args.latency_path.empty()) tables.push_back(std::make_unique<LatencyCsv>(args.latency_path));
+  return tables;
+}
+
 /** Runs `play(goOn)` with a line of progress, until it ends or somebody wants no more of it. */
 template <class Play>
 auto played(const char* what, const Play& play) {
@@ -196,20 +208,19 @@ void requireConsistent(const LiveArgs& args) {
     throw InputError("--speed is for a log (-i), and must be > 0 .. 1000 times the pace of its stamps");
   if (!args.record_path.empty() && !is_live)
     throw InputError("--record is for --sensors or --speed: the log that is played is recorded already");
-  requireApart(
-      {args.ini_path, args.map_path, args.rawlog_path, args.sensors_path},
-      {args.output_path, args.trajectory_path, args.integrity_path, args.record_path, args.scene_path});
+  requireApart({args.ini_path, args.map_path, args.rawlog_path, args.sensors_path},
+               {args.output_path, args.trajectory_path, args.integrity_path, args.decisions_path,
+                args.latency_path, args.record_path, args.scene_path});
   if (!args.odometry_only) {
     if (args.map_path.empty())
       throw InputError("no map given: -m MAP.rlmap, or --odometry-only (see --help)");
     return;
   }
   if (is_live) throw InputError("--odometry-only plays a log (-i) as fast as it goes");
-  if (!args.map_path.empty() || !args.output_path.empty() || !args.integrity_path.empty() ||
-      !args.scene_path.empty())
-    throw InputError(
-        "--odometry-only takes no map (-m) and writes neither annotated log (-o) nor --integrity nor "
-        "--scene");
+  for (const std::string* path : {&args.map_path, &args.output_path, &args.integrity_path,
+                                  &args.decisions_path, &args.latency_path, &args.scene_path})
+    if (!path->empty())
+      throw InputError("--odometry-only takes no map (-m) and writes nothing but --trajectory: " + *path);
   if (args.trajectory_path.empty())
     throw InputError("--odometry-only needs --trajectory ODOMETRY.tum (see --help)");
 }
@@ -233,7 +244,11 @@ std::optional<LiveArgs> parseLiveArgs(int argc, char** argv) {
                                           cmd);
   TCLAP::ValueArg<std::string> integrity("", "integrity",
                                          "state, protection levels and covariance of each estimate to write",
-                                         false, "", "RACE.csv", cmd);
+                                         false, "", "FILE.csv", cmd);
+  TCLAP::ValueArg<std::string> decisions("", "decisions", "what the gate held against each source to write",
+                                         false, "", "FILE.csv", cmd);
+  TCLAP::ValueArg<std::string> latency("", "latency", "time from sweep to pose of each sweep to write", false,
+                                       "", "FILE.csv", cmd);
   TCLAP::ValueArg<std::string> scene("", "scene", "sweep with its walls to write, for SceneViewer3D", false,
                                      "", "SWEEP.3Dscene", cmd);
   TCLAP::ValueArg<std::string> disable("", "disable", "switch off the sources of these labels, e.g. 'gps_*'",
@@ -256,6 +271,8 @@ std::optional<LiveArgs> parseLiveArgs(int argc, char** argv) {
   args.output_path = out.getValue();
   args.trajectory_path = trajectory.getValue();
   args.integrity_path = integrity.getValue();
+  args.decisions_path = decisions.getValue();
+  args.latency_path = latency.getValue();
   args.record_path = record.getValue();
   args.scene_path = scene.getValue();
   args.odometry_only = odometry_only.getValue();
@@ -295,18 +312,17 @@ void runLive(const LiveArgs& args) {
   const auto start = std::chrono::steady_clock::now();
   double recorded_s = 0;
   std::vector<std::string> kept;
-  std::optional<IntegrityCsv> integrity;
-  if (!args.integrity_path.empty()) integrity.emplace(args.integrity_path);
+  const auto tables = tablesOf(args);
   std::optional<SceneToKeep> scene;
   if (!args.scene_path.empty()) scene.emplace(args.scene_path);
   const Listener write = [&](const LocalizerOutput& output) {
-    if (integrity) integrity->write(output);
+    for (const auto& table : tables) table->write(output);
     if (scene) scene->see(output);
   };
   const auto finish = [&](const auto& report) {
-    if (integrity) {
-      integrity->commit();
-      kept.push_back(args.integrity_path);
+    for (const auto& table : tables) {
+      table->commit();
+      kept.push_back(table->path());
     }
     if (scene && scene->write())
       kept.push_back(args.scene_path);

@@ -6,7 +6,7 @@
 #include <vector>
 
 #include "eval/gnuplot.h"
-#include "eval/plot_script.h"
+#include "eval/picture.h"
 
 namespace raceloc {
 

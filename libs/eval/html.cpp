@@ -17,6 +17,15 @@ code { font-size: .9em; overflow-wrap: anywhere } svg { width: 100%; height: aut
 </style>
 )";
 
+// gnuplot's script takes every turn of the wheel over a picture for itself; a page is to be scrolled.
+constexpr char kWheelScrolls[] =
+    "<script>document.addEventListener('wheel', e => { if (!e.ctrlKey) e.stopPropagation(); }, "
+    "true);</script>\n";
+constexpr char kHowToLook[] =
+    "click into a picture: values under the pointer; click on a curve's name: the curve goes and comes; Ctrl "
+    "and wheel: "
+    "zoom, then drag; right click: back";
+
 }  // namespace
 
 std::string htmlPage(const std::string& title, const std::string& body) {
@@ -50,6 +59,13 @@ std::string htmlRow(const char* tag, const std::vector<std::string>& cells) {
 std::string inlinedSvg(const std::string& svg) {
   const auto start = svg.find("<svg");
   return start == std::string::npos ? svg : svg.substr(start);
+}
+
+std::string htmlPictures(const std::vector<Picture>& pictures) {
+  std::string html = std::string(kWheelScrolls) + "<p class=\"note\">" + kHowToLook + "</p>\n";
+  for (const Picture& picture : pictures)
+    html += "<h2>" + escaped(picture.title) + "</h2>\n" + inlinedSvg(drawn(picture, PictureFormat::page));
+  return html;
 }
 
 }  // namespace raceloc

@@ -5,6 +5,8 @@
 #include <string>
 #include <vector>
 
+#include "eval/picture.h"
+
 namespace raceloc {
 
 /** The whole page. \param title  as plain text \param body  HTML below the title */
@@ -17,5 +19,9 @@ namespace raceloc {
 
 /** What of an SVG file may stand inside a page. */
 [[nodiscard]] std::string inlinedSvg(const std::string& svg);
+
+/** Pictures below their titles, to be looked into with the mouse.
+ * \throws InputError if gnuplot is not installed. */
+[[nodiscard]] std::string htmlPictures(const std::vector<Picture>& pictures);
 
 }  // namespace raceloc

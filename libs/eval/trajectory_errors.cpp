@@ -4,12 +4,11 @@
 #include <cmath>
 #include <cstdio>
 #include <filesystem>
-#include <numeric>
-#include <stdexcept>
 #include <system_error>
 #include <utility>
 
 #include "core/errors.h"
+#include "eval/frame_checks.h"
 
 namespace raceloc {
 
@@ -17,7 +16,6 @@ namespace {
 
 constexpr double kMinMatchShare = 0.5;
 constexpr double kStampResolution_s = 1e-6;  // of the files
-constexpr double kDegrees = 180 / M_PI;
 
 std::string format(const char* pattern, double a, double b = 0, double c = 0) {
   char text[256];
@@ -93,6 +91,19 @@ void align(Evaluation& e) {
   for (PoseError& pose : e.poses) pose.T_map_estimate = e.T_map_estimate_frame * pose.T_map_estimate;
 }
 
+/** Frames that are mixed up make every figure worthless; of an aligned estimate the motion is worth something. */
+void checkFrames(Evaluation& e) {
+  std::vector<std::string> mismatches = frameMismatches(e.poses);
+  if (e.options.align == Alignment::none && !mismatches.empty()) {
+    std::string all;
+    for (const std::string& mismatch : mismatches) all += (all.empty() ? "" : "; ") + mismatch;
+    throw InputError("estimate " + e.estimate.path + " against truth " + e.truth.path + ": " + all +
+                     "; convert one of them, or move the estimate with --align se3");
+  }
+  e.warnings = std::move(mismatches);
+  if (auto sideways = sidewaysTruth(e.poses)) e.warnings.push_back(*std::move(sideways));
+}
+
 void fillErrors(std::vector<PoseError>& poses) {
   const auto chord_m = [&](std::size_t i, std::size_t j) {
     return (poses[j].T_map_truth.translation() - poses[i].T_map_truth.translation()).norm();
@@ -108,7 +119,7 @@ void fillErrors(std::vector<PoseError>& poses) {
     pose.longitudinal_m = c * d_m.x() + s * d_m.y();
     pose.lateral_m = c * d_m.y() - s * d_m.x();
     pose.height_m = d_m.z();
-    pose.heading_deg = kDegrees * wrapAngle(yawOf(pose.T_map_estimate) - heading_rad);
+    pose.heading_deg = wrapAngle(yawOf(pose.T_map_estimate) - heading_rad) / kDegree;
 
     const std::size_t before = i > 0 ? i - 1 : i;
     const std::size_t after = std::min(i + 1, poses.size() - 1);
@@ -117,82 +128,6 @@ void fillErrors(std::vector<PoseError>& poses) {
       pose.speed_mps =
           (chord_m(before, i) + chord_m(i, after)) / (poses[after].stamp_s - poses[before].stamp_s);
   }
-}
-
-RelativeError relativeError(const std::vector<PoseError>& poses, double length_m) {
-  RelativeError sum{length_m, 0, 0, 0};
-  std::size_t j = 0;
-  for (std::size_t i = 0; i < poses.size(); ++i) {
-    while (j < poses.size() && poses[j].station_m < poses[i].station_m + length_m) ++j;
-    if (j == poses.size()) break;
-    const Pose T_i_j_truth = poses[i].T_map_truth.inverse() * poses[j].T_map_truth;
-    const Pose T_i_j_estimate = poses[i].T_map_estimate.inverse() * poses[j].T_map_estimate;
-    const Pose error = T_i_j_estimate.inverse() * T_i_j_truth;
-    const double own_length_m = poses[j].station_m - poses[i].station_m;
-    sum.translation_percent += 100 * error.translation().norm() / own_length_m;
-    sum.rotation_deg_per_m += kDegrees * Eigen::AngleAxisd(error.linear()).angle() / own_length_m;
-    ++sum.segments;
-  }
-  if (sum.segments > 0) {
-    sum.translation_percent /= static_cast<double>(sum.segments);
-    sum.rotation_deg_per_m /= static_cast<double>(sum.segments);
-  }
-  return sum;
-}
-
-/** Mean of angles, if they agree to about 15 deg. */
-std::optional<double> commonAngle_deg(const std::vector<double>& angles_deg) {
-  if (angles_deg.empty()) return std::nullopt;
-  Eigen::Vector2d sum(0, 0);
-  for (const double a : angles_deg) sum += Eigen::Vector2d(std::cos(a / kDegrees), std::sin(a / kDegrees));
-  if (sum.norm() < 0.97 * static_cast<double>(angles_deg.size())) return std::nullopt;
-  return kDegrees * std::atan2(sum.y(), sum.x());
-}
-
-bool isQuarterTurn(double angle_deg) {
-  return std::abs(angle_deg) > 45 && std::abs(std::remainder(angle_deg, 90)) < 10;
-}
-
-std::vector<std::string> frameWarnings(const std::vector<PoseError>& poses) {
-  std::vector<std::string> warnings;
-  const auto n = static_cast<double>(poses.size());
-  Eigen::Vector3d offset_m = Eigen::Vector3d::Zero();
-  for (const auto& p : poses) offset_m += (p.T_map_estimate.translation() - p.T_map_truth.translation()) / n;
-  double scatter_m2 = 0;
-  for (const auto& p : poses)
-    scatter_m2 += (p.T_map_estimate.translation() - p.T_map_truth.translation() - offset_m).squaredNorm() / n;
-  if (offset_m.norm() >= 1000 && std::sqrt(scatter_m2) < 0.1 * offset_m.norm())
-    warnings.push_back(
-        format("a constant offset of %.3f km (x %.0f m, y %.0f m): ", offset_m.norm() / 1000, offset_m.x(),
-               offset_m.y()) +
-        "the two files are hardly in one map frame (other origin, or UTM against local metres?)");
-
-  std::vector<double> headings_deg;
-  headings_deg.reserve(poses.size());
-  for (const auto& p : poses) headings_deg.push_back(p.heading_deg);
-  if (const auto turn_deg = commonAngle_deg(headings_deg); turn_deg && isQuarterTurn(*turn_deg))
-    warnings.push_back(
-        format("the headings differ by a constant %.0f deg: ", *turn_deg) +
-        "the axes of the two files are hardly the same (map: x east, y north; body: x forward, y left)");
-
-  // A truth that does not look where it drives makes the split into lateral and longitudinal worthless.
-  std::vector<double> drifts_deg;
-  bool moved = false;
-  for (std::size_t i = 1; i < poses.size(); ++i) {
-    const Eigen::Vector3d step_m =
-        poses[i].T_map_truth.translation() - poses[i - 1].T_map_truth.translation();
-    if (poses[i].speed_mps < 2 || step_m.head<2>().norm() < 0.1) continue;
-    moved = true;
-    drifts_deg.push_back(kDegrees *
-                         wrapAngle(std::atan2(step_m.y(), step_m.x()) - yawOf(poses[i - 1].T_map_truth)));
-  }
-  const auto drift_deg = commonAngle_deg(drifts_deg);
-  if (moved && (!drift_deg || std::abs(*drift_deg) > 30))
-    warnings.push_back(
-        "the truth's heading is " +
-        (drift_deg ? format("%.0f deg off its path", *drift_deg) : "not along its path") +
-        ": lateral, longitudinal and heading errors mean little (attitude missing, or a camera's axes?)");
-  return warnings;
 }
 
 template <class Value>
@@ -210,26 +145,6 @@ TrajectoryFile readTrajectoryFile(const std::string& path) {
   std::error_code no_regular_file;
   const auto bytes = std::filesystem::file_size(path, no_regular_file);
   return {path, no_regular_file ? 0 : bytes, std::move(trajectory)};
-}
-
-Statistics statisticsOf(std::vector<double> values) {
-  if (values.empty()) throw std::invalid_argument("statisticsOf: no values");
-  const auto n = static_cast<double>(values.size());
-  Statistics s{};
-  s.mean = std::accumulate(values.begin(), values.end(), 0.0) / n;
-  double squares = 0;
-  double deviations = 0;
-  for (const double v : values) {
-    squares += v * v;
-    deviations += (v - s.mean) * (v - s.mean);
-    s.max = std::max(s.max, std::abs(v));
-  }
-  s.rmse = std::sqrt(squares / n);
-  s.std = std::sqrt(deviations / n);
-  std::sort(values.begin(), values.end());
-  const std::size_t half = values.size() / 2;
-  s.median = values.size() % 2 == 1 ? values[half] : 0.5 * (values[half - 1] + values[half]);
-  return s;
 }
 
 double Evaluation::matchShare() const {
@@ -268,6 +183,7 @@ Evaluation evaluate(TrajectoryFile truth, TrajectoryFile estimate, const EvalOpt
   match(e);
   if (options.align == Alignment::se3) align(e);
   fillErrors(e.poses);
+  checkFrames(e);
 
   e.position_3d_m = statisticsOver(e.poses, &PoseError::position_3d_m);
   e.position_plane_m = statisticsOver(e.poses, &PoseError::position_plane_m);
@@ -277,13 +193,17 @@ Evaluation evaluate(TrajectoryFile truth, TrajectoryFile estimate, const EvalOpt
   e.heading_deg = statisticsOver(e.poses, &PoseError::heading_deg);
   for (const double length_m : options.segment_lengths_m)
     e.relative.push_back(relativeError(e.poses, length_m));
+  for (const RpeStep& step : options.rpe_steps) e.rpe.push_back(relativePoseError(e.poses, step));
+  e.lap_starts_m = lapStarts(e.poses);
+  e.by_lap = errorsByLap(e.poses, e.lap_starts_m);
+  e.by_sector = errorsBySector(e.poses, e.lap_starts_m, options.sectors);
+  e.by_speed = errorsBySpeed(e.poses, options.speed_bin_mps);
 
   e.path_length_m = e.poses.back().station_m;
   const auto [slowest, fastest] = std::minmax_element(
       e.poses.begin(), e.poses.end(), [](const auto& a, const auto& b) { return a.speed_mps < b.speed_mps; });
   e.min_speed_mps = slowest->speed_mps;
   e.max_speed_mps = fastest->speed_mps;
-  e.warnings = frameWarnings(e.poses);
   return e;
 }
 

@@ -116,6 +116,7 @@ GateDecision Estimator::decide(EstimatorState& state, std::vector<PoseFix> fixes
     SourceRecord& known = *placeOf(state.records, fix.source);
     SourceVerdict verdict{fix.source, 0, 0, 0, 0, false};
     verdict.nis = known.nis;
+    verdict.innovation_body_m = Eigen::Rotation2Dd(-state.car.mean(2)) * known.residual_m;
     known.confirms = verdict.nis <= x_confirm_limit && scattersAsClaimed(known) && known.supported;
     verdicts.push_back(std::move(verdict));
   }

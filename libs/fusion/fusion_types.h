@@ -81,6 +81,8 @@ struct SourceVerdict {
   double inflation = 1;  ///< by what its covariance was multiplied, because of that
   bool left = false;     ///< it left the other sources: delta is how far [m], limit what they allow
   bool confirms = false;  ///< accepted, and its innovation is what its claim lets expect
+  /** Fix less estimate, along and across the estimate's heading. */
+  Eigen::Vector2d innovation_body_m = Eigen::Vector2d::Zero();
 };
 
 struct GateDecision {

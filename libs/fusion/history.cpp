@@ -146,7 +146,7 @@ void FusionHistory::redoFrom(std::size_t number) {
     const auto end = endOf(first->stamp_s);
     EstimatorState state = x_groups.empty() ? x_base : x_groups.back().after;
     advance(state, std::prev(end)->stamp_s);
-    DatedDecision dated{state.stamp_s, {}, {}};
+    DatedDecision dated{state.stamp_s, {}, {}, first->stamp_s};
     for (auto fix = first; fix != end; ++fix) {
       const bool newer_comes = std::any_of(
           std::next(fix), end, [&](const TimedFix& later) { return later.fix.source == fix->fix.source; });

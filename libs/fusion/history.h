@@ -31,6 +31,7 @@ struct DatedDecision {
   double stamp_s;
   std::vector<PoseFix> fixes;  ///< carried to stamp_s: of each source that spoke
   GateDecision decision;
+  double begin_s = 0;  ///< of the earliest of its fixes, before it was carried
 };
 
 /** Fixed-lag history: controls and fixes may come in any order, up to lag_s late; estimate and decisions are those of
@@ -55,7 +56,8 @@ class FusionHistory {
   [[nodiscard]] const EstimatorState& newest() const { return x_head; }
   [[nodiscard]] const Control& newestControl() const { return x_controls.back(); }
 
-  /** Decisions that the last add() made, or made anew; the newest last. */
+  /** Decisions that the last add() made, or made anew; the newest last. They replace those that began when the first of
+   * them did, or later. */
   [[nodiscard]] const std::vector<DatedDecision>& made() const { return x_made; }
 
  private:

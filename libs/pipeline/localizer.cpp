@@ -206,7 +206,13 @@ void Localizer::enter(double stamp_s, PoseFix fix) {
       ++x_noted[source + ": fixes with a value that is none"];
       return;
   }
-  if (!x_fusion->made().empty()) x_new_decision = x_fusion->made().back();
+  noteDecisions();
+}
+
+void Localizer::noteDecisions() {
+  if (x_fusion->made().empty()) return;
+  x_new_decision = x_fusion->made().back();
+  x_new_decisions.push_back(x_fusion->made());
 }
 
 Eigen::Vector2d Localizer::trialNoise(const std::string& source, double stamp_s) {
@@ -326,7 +332,7 @@ void Localizer::moveTo(double stamp_s) {
   Control control = planarControl(x_history, stamp_s, stamp_s - x_stamp_s, x_T_map_body, T_map_next);
   if (!x_by_wheels) control.speed_sigma_mps = kUnknownSpeed_mps;
   (void)x_fusion->add(control);  // it is in order, and all of it finite
-  if (!x_fusion->made().empty()) x_new_decision = x_fusion->made().back();
+  noteDecisions();
   x_stamp_s = stamp_s;
   x_T_map_body = T_map_next;
   x_T_map_body = poseAt(stamp_s, x_fusion->newest().car);
@@ -528,7 +534,8 @@ void Localizer::publish(std::vector<LocalizerOutput>& outputs) {
   const Control& control = x_fusion->newestControl();
   outputs.push_back({x_stamp_s, T, covarianceOf(car), control.speed_mps, control.yaw_rate_rps, x_by_wheels,
                      std::move(faults), std::move(integrity), std::exchange(x_new_decision, std::nullopt),
-                     std::exchange(x_new_match, std::nullopt), std::exchange(x_new_walls, std::nullopt)});
+                     std::exchange(x_new_decisions, {}), std::exchange(x_new_match, std::nullopt),
+                     std::exchange(x_new_walls, std::nullopt)});
 }
 
 }  // namespace raceloc

@@ -104,8 +104,11 @@ struct LocalizerOutput {
   FaultCounts faults;  ///< of sources and scans, since the last output
   Integrity integrity;
   std::optional<DatedDecision> decision;  ///< the newest since the last output
-  std::optional<ScanMatch> scan_match;    ///< likewise
-  std::optional<WallReport> walls;        ///< likewise
+  /** All of them, in the order in which they were made, each add() after the other (FusionHistory::made()): what comes late
+   * makes decisions anew. */
+  std::vector<std::vector<DatedDecision>> decisions;
+  std::optional<ScanMatch> scan_match;  ///< likewise
+  std::optional<WallReport> walls;      ///< likewise
 };
 
 /** What the newest decision of an output says of a source; null if it had no say. */
@@ -165,6 +168,7 @@ class Localizer {
   void take(const ImuSample& sample);
   void take(const MotionSample& sample);
   void take(const Scan& scan);
+  void noteDecisions();  ///< those that the last add() to the history made
 
   /** What a receiver says of the car; none while the filter waits for a heading to start. */
   [[nodiscard]] std::optional<PoseFix> carFix(const GpsFix& fix, const Receiver& receiver) const;
@@ -235,6 +239,7 @@ class Localizer {
   std::optional<KnownPose> x_last_lesson;  ///< of teachByEstimate()
   std::optional<ScanMatch> x_new_match;
   std::optional<DatedDecision> x_new_decision;
+  std::vector<std::vector<DatedDecision>> x_new_decisions;
   std::optional<WallReport> x_new_walls;
   MotionHistory x_history;
   gpu::Context& x_context;

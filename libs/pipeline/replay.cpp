@@ -130,6 +130,7 @@ class Tally {
     x_report.match_iterations = quantile(x_iterations, 0.5);
     x_report.match_median_s = quantile(x_times_s, 0.5);
     x_report.match_p99_s = quantile(x_times_s, 0.99);
+    x_report.match_max_s = quantile(x_times_s, 1);
   }
 
  private:

@@ -48,7 +48,7 @@ struct ReplayReport {
   std::map<std::string, std::size_t> causes;  ///< outputs that were not ok, by cause
   FaultCounts faults;  ///< outputs that did without a source; scans that were passed over
   double match_residual_m, match_inlier_share, match_iterations;  ///< medians over the trusted matches
-  double match_p99_s, match_median_s;  ///< wall time of preparation and match of a sweep
+  double match_max_s, match_p99_s, match_median_s;  ///< wall time of preparation and match of a sweep
   Trajectory trajectory;
 };
 

@@ -2,6 +2,9 @@
  * Import, map, localization and evaluation on a drive through a made-up street, whose truth is known. */
 #include <gmock/gmock.h>
 
+#include <set>
+#include <sstream>
+
 #include "apps/localize.h"
 
 namespace {
@@ -94,6 +97,33 @@ TEST(SyntheticDrive, ReportIsOnePageWithPictures) {
   EXPECT_THAT(page, HasSubstr("<svg"));
   EXPECT_THAT(page, Not(::testing::ContainsRegex("(src|href)=\"http")));
   EXPECT_THAT(readFile(out / "picture.svg"), HasSubstr("<svg"));
+}
+
+TEST(SyntheticDrive, TellsOfItselfWhatTheEvaluationReads) {
+  const TemporaryFolder out;
+  auto command = liveCommand(ini("live.ini"), kDrive.map(), kDrive.race(), out);
+  command.insert(command.end(), {"--integrity", out / "integrity.csv", "--decisions", out / "decisions.csv",
+                                 "--latency", out / "latency.csv"});
+  ASSERT_EQ(runCommand(command).exit_code, 0);
+  const auto eval =
+      runCommand({app("raceloc-eval"), "--truth", kDrive.truth(), "--estimate", out / "race.tum",
+                  "--integrity", out / "integrity.csv", "--decisions", out / "decisions.csv", "--latency",
+                  out / "latency.csv", "--json", out / "figures.json"});
+  ASSERT_EQ(eval.exit_code, 0) << eval.err;
+  const auto figures = nlohmann::json::parse(readFile(out / "figures.json"));
+  EXPECT_EQ(figures.at("integrity").at("lateral").at("epochs"), figures.at("match").at("poses"));
+  ASSERT_EQ(figures.at("gate").size(), 2U);
+  EXPECT_EQ(figures.at("gate").at(0).at("source"), "gps_oxts");
+  EXPECT_EQ(figures.at("gate").at(1).at("source"), "scan_match");
+  // Matches come later than the fixes after them, and the decisions are made anew: none is lost by that.
+  EXPECT_GE(figures.at("gate").at(1).at("decisions"), figures.at("latency").at("sweeps"));
+  EXPECT_EQ(figures.at("gate").at(1).at("accepted"), figures.at("gate").at(1).at("decisions"));
+  std::set<std::string> said;  // stamp and source, once each
+  std::istringstream decisions(readFile(out / "decisions.csv"));
+  for (std::string line; std::getline(decisions, line);)
+    EXPECT_TRUE(said.insert(line.substr(0, line.find(',')) + line.substr(line.rfind(','))).second) << line;
+  EXPECT_LT(figures.at("gate").at(0).at("innovation_rms_m"), 0.2);  // of fixes with 2 cm of noise
+  EXPECT_GT(figures.at("latency").at("sweeps"), 0);
 }
 
 TEST(SyntheticDrive, TheMapHasAPageAndFiguresWithTheSameVerdict) {
