@@ -34,8 +34,11 @@ DESCRIPTION
   of where it should, for 350 m, into the wall.
 
   Each is driven twice, with the guard and without it (the same filter and gate), until a wheel touches a wall or it is
-  over. Writes NAME_guarded.csv, NAME_unguarded.csv (100 lines a second) and NAME.svg: steering, distance from wheel to
-  wall, error of the believed position. Same arguments, same bytes.
+  over. Writes NAME_guarded.csv, NAME_unguarded.csv and NAME.svg: steering, distance from wheel to wall, error of the
+  believed position. Same arguments, same bytes. A line of CSV is 10 ms: time since the start; station and speed of the
+  car, the truth; steering commanded to the road wheels, left is positive; wheel_to_wall, the least of the four wheels';
+  gap, from the rear axle's middle to the right wall, and what the wall detector says of it (nan: no wall seen);
+  believed_left, how far to the left of the car the estimate is; alarm of the gate (0 or 1); state of the guard.
 
 EXAMPLES
   raceloc-sim closed-loop --track share/tracks/lvms.ini --car ini/sim/indy.ini --from 450 --fail-for 5 -o corner
@@ -156,8 +159,9 @@ std::optional<ClosedLoopArgs> parseClosedLoop(std::vector<std::string> words) {
                       lidars.getValue(),
                       static_cast<std::uint64_t>(wholeNumberOf(seed, between(0, 1e9)))};
   if (shift.isSet()) args.shift_m = numberOf(shift, between(0, 10));
-  if (shift.isSet() && (fail_for.isSet() || faults.isSet()))
-    throw InputError("--shift: one experiment at a time, without --fail-for and --faults");
+  for (const auto* other : {&fail_for, &faults, &drift, &gap})
+    if (shift.isSet() && other->isSet())
+      throw InputError("--shift: one experiment at a time, without --" + other->getName());
   return args;
 }
 
@@ -171,6 +175,9 @@ void runClosedLoop(const ClosedLoopArgs& args) {
   constexpr double kTyresAlone_mps2 = 100;
   circuit.pace = {args.speed_mps, kTyresAlone_mps2};
   const CarFile car = readCarFile(args.car_path);
+  if (args.from_m >= circuit.track.length_m())
+    throw InputError("--from " + std::to_string(args.from_m) + ": a lap of " + args.track_path + " has " +
+                     std::to_string(circuit.track.length_m()) + " m");
   const ClosedLoop loop(circuit, car, args.lidars, args.seed);
 
   ClosedLoopOptions options;
@@ -207,6 +214,7 @@ void runClosedLoop(const ClosedLoopArgs& args) {
   guard.half_width_m = 0.5 * car.car.width_m;
   WallPathOptions wall_path;
   wall_path.gap_m = args.gap_m;
+  wall_path.least_gap_m = std::min(wall_path.least_gap_m, args.gap_m);
 
   const ClosedLoopDrive guarded = loop.drive(told, options, guard, wall_path);
   options.is_guarded = false;

@@ -234,4 +234,13 @@ void IniFile::rejectUnknownSections() const {
   }
 }
 
+void requireAtMost(const std::string& section, const std::string& key, double value,
+                   const std::string& limit_key, double limit) {
+  if (value <= limit) return;
+  std::ostringstream text;
+  text << "section [" << section << "]: " << key << " = " << value << ", but it must be at most " << limit_key
+       << " = " << limit;
+  throw InputError(text.str());
+}
+
 }  // namespace raceloc

@@ -135,4 +135,8 @@ class IniFile {
 /** The known name with the fewest edits to `name`; empty if none is near. */
 [[nodiscard]] std::string nearestName(const std::string& name, const std::vector<std::string>& known);
 
+/** For values that only make sense together. \throws InputError naming both keys unless `value` is at most `limit`. */
+void requireAtMost(const std::string& section, const std::string& key, double value,
+                   const std::string& limit_key, double limit);
+
 }  // namespace raceloc

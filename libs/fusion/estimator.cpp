@@ -60,7 +60,9 @@ EstimatorState beginAt(double stamp_s, const CarState& car) {
 Estimator::Estimator(const EstimatorOptions& options)
     : x_options(options),
       x_confirm_limit(chiSquareLimit(options.reliability.confirm_false_alarm, 2)),
-      x_filter({Eigen::Vector4d::Zero(), Eigen::Matrix4d::Identity()}, options.fusion, options.gate) {}
+      x_filter({Eigen::Vector4d::Zero(), Eigen::Matrix4d::Identity()}, options.fusion, options.gate) {
+  requireAtMost("recovery", "agree_s", options.recovery.agree_s, "leap_s", options.recovery.leap_s);
+}
 
 void Estimator::advance(EstimatorState& state, const Control& rates, double to_s) {
   const double duration_s = to_s - state.stamp_s;

@@ -38,7 +38,7 @@ struct EstimatorState {
 /** Steps of EstimatorState. Holds the filter's work space and no state of its own. */
 class Estimator {
  public:
-  /** \throws InputError if the gate's epsilon is wider than its delta */
+  /** \throws InputError if options contradict each other. */
   explicit Estimator(const EstimatorOptions& options);
 
   /** Dead reckoning to `to_s`, at the rates of a control. Nothing if `to_s` is not later than the state. */

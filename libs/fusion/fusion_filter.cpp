@@ -25,16 +25,6 @@ void requireSound(const CarState& start) {
     throw std::invalid_argument("FusionFilter: the start's covariance is not positive semidefinite");
 }
 
-void requireOrdered(const GateOptions& options) {
-  if (options.epsilon_m > options.delta_m)
-    throw InputError("section [gate]: epsilon_m = " + std::to_string(options.epsilon_m) +
-                     ", but it must be at most delta_m = " + std::to_string(options.delta_m));
-  if (options.epsilon_false_alarm < options.delta_false_alarm)
-    throw InputError(
-        "section [gate]: epsilon_false_alarm = " + std::to_string(options.epsilon_false_alarm) +
-        ", but it must be at least delta_false_alarm = " + std::to_string(options.delta_false_alarm));
-}
-
 }  // namespace
 
 void FusionOptions::describe(OptionList& keys) {
@@ -60,7 +50,9 @@ FusionFilter::FusionFilter(const CarState& start, const FusionOptions& options,
                            const GateOptions& gate_options)
     : x_options(options), x_gate_options(gate_options) {
   requireSound(start);
-  requireOrdered(gate_options);
+  requireAtMost("gate", "epsilon_m", gate_options.epsilon_m, "delta_m", gate_options.delta_m);
+  requireAtMost("gate", "delta_false_alarm", gate_options.delta_false_alarm, "epsilon_false_alarm",
+                gate_options.epsilon_false_alarm);
   KF_options.method = mrpt::bayes::kfEKFNaive;
   m_xkk.resize(4);
   m_pkk.setSize(4, 4);

@@ -43,7 +43,7 @@ struct FusionOptions {
 class FusionFilter : private mrpt::bayes::CKalmanFilterCapable<4, 3, 0, 2> {
  public:
   /** \throws std::invalid_argument if `start` is not finite or its covariance not symmetric positive
-   * semidefinite \throws InputError if the gate's epsilon is wider than its delta */
+   * semidefinite \throws InputError if the options of the gate contradict each other */
   FusionFilter(const CarState& start, const FusionOptions& options, const GateOptions& gate_options);
 
   /** Dead reckoning over `duration_s` >= 0 at the constant rates of a control, whose stamp says nothing here.

@@ -11,10 +11,10 @@ namespace raceloc {
 void RecoveryOptions::describe(OptionList& keys) {
   keys.add("agree_s", agree_s, atLeast(0),
            "two sources must agree with each other for this long before a reset [s]");
-  keys.add(
-      "leap_s", leap_s, atLeast(0),
-      "for this long if both went away from the estimate in one leap: receivers of one faulty correction "
-      "service do, cars do not [s]");
+  keys.add("leap_s", leap_s, atLeast(0),
+           "the same where both had gone away from the estimate in one leap, at least agree_s: receivers of "
+           "one faulty "
+           "correction service do, cars do not [s]");
   keys.add("alone_s", alone_s, atLeast(0),
            "when no source has confirmed the estimate for this long, it is dead reckoning; before, there is "
            "no reset [s]");

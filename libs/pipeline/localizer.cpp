@@ -68,9 +68,9 @@ void LocalizerPolicy::describe(OptionList& keys) {
   keys.add("output_period_s", output_period_s, above(0),
            "an estimate comes with each message of the car's own motion, or so long after the last [s]");
   keys.add("match_delay_s", match_delay_s, between(0, 0.1),
-           "a scan match counts so long after its sweep is there; what a match takes on this computer, most "
-           "of the time "
-           "[s]");
+           "an estimate hears of a scan match so long after its sweep came, so that replays give the same "
+           "bits: what a match "
+           "takes on this computer, most of the time [s]");
   keys.add("max_fix_age_s", max_fix_age_s, above(0), "older fixes do not tell where to look for the car [s]");
   keys.add("min_course_speed_mps", min_course_speed_mps, above(0), "slower, two fixes give no course [m/s]");
   keys.add("course_sigma_deg", course_sigma_deg, above(0), "error of the course between two fixes [deg]");

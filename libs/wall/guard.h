@@ -79,7 +79,8 @@ struct GuardOutput {
  * the road to gap_m. The path that is driven is the tracked one; once the car is lost, the one along the wall. */
 class Guard {
  public:
-  Guard(const GuardOptions& options, const WallPathOptions& path) : x_options(options), x_path(path) {}
+  /** \throws InputError if options contradict each other. */
+  Guard(const GuardOptions& options, const WallPathOptions& path);
   /** \throws std::invalid_argument if a stamp is earlier than the one before. */
   [[nodiscard]] GuardOutput update(const GuardInput& seen);
   [[nodiscard]] GuardState state() const { return x_state; }

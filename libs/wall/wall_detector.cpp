@@ -69,8 +69,11 @@ void WallOptions::describe(OptionList& keys) {
   keys.add("min_spread_m", min_spread_m, between(0.05, 5),
            "heights in a cell that spread less are ground [m]");
   keys.add("foot_m", foot_m, between(0.01, 5), "the lowest so much of a cell is ground in any case [m]");
-  keys.add("reach_m", reach_m, between(0.1, 20), "what is higher above the lowest point is no wall [m]");
-  keys.add("min_points", min_points, between(2, 1000), "that make a cell stand, the lowest one included");
+  keys.add(
+      "reach_m", reach_m, between(0.1, 20),
+      "points that are higher above the lowest one of their cell are left out: bridges and branches [m]");
+  keys.add("min_points", min_points, between(2, 1000),
+           "in a cell, the lowest one included; with fewer it is ground");
   keys.add("max_range_m", max_range_m, between(5, 500), "ahead, behind and to each side [m]");
   keys.add("cluster_radius_m", cluster_radius_m, between(0.1, 20), "nearer cells are of one cluster [m]");
   keys.add("min_length_m", min_length_m, between(1, 200),
@@ -80,8 +83,9 @@ void WallOptions::describe(OptionList& keys) {
   keys.add("robust_width_m", robust_width_m, between(0.01, 1), "width of the Cauchy loss [m]");
   keys.add("max_residual_m", max_residual_m, between(0.01, 1),
            "median distance from the curve, above which it is no wall, or ends [m]");
-  keys.add("max_heading_deg", max_heading_deg, between(1, 80), "of a wall against the car [deg]");
-  keys.add("min_radius_m", min_radius_m, between(5, 1000), "of a wall's bend [m]");
+  keys.add("max_heading_deg", max_heading_deg, between(1, 80),
+           "direction of a wall against the car's; what turns farther off is no wall [deg]");
+  keys.add("min_radius_m", min_radius_m, between(5, 1000), "what bends more sharply is no wall: radius [m]");
   keys.add("keep_s", keep_s, between(0, 10), "a wall is remembered so long after it was seen [s]");
 }
 
@@ -103,7 +107,9 @@ ScanVerdict verdictOn(const Cloud& cloud) {
 }  // namespace
 
 WallDetector::WallDetector(gpu::Context& context, const WallOptions& options)
-    : x_context(context), x_options(options), x_fit(std::make_unique<WallFit>(options)) {}
+    : x_context(context), x_options(options), x_fit(std::make_unique<WallFit>(options)) {
+  requireAtMost("wall", "min_spread_m", options.min_spread_m, "reach_m", options.reach_m);
+}
 WallDetector::~WallDetector() = default;
 
 WallScan WallDetector::detect(const Cloud& cloud, double stamp_s, const Pose& T_last_now) {

@@ -97,6 +97,7 @@ class WallFit;
  * Allocates nothing once it has seen the largest scan. The context must outlive it. */
 class WallDetector {
  public:
+  /** \throws InputError if options contradict each other. */
   WallDetector(gpu::Context& context, const WallOptions& options);
   ~WallDetector();
 

@@ -77,7 +77,8 @@ Path arcPath(double curvature_per_m, double length_m) {
 void WallPathOptions::describe(OptionList& keys) {
   keys.add("gap_m", gap_m, between(0.5, 50), "from the wall to the rear axle's centre [m]");
   keys.add("least_gap_m", least_gap_m, between(0, 50),
-           "the way there does not come nearer, whatever it takes [m]");
+           "on the way to gap_m the path does not come nearer to the wall than this, or than the car is, at "
+           "most gap_m [m]");
   keys.add("step_m", step_m, between(0.1, 10), "between the points of the path [m]");
   keys.add("horizon_s", horizon_s, between(0.1, 10), "length of the path at the present speed [s] ...");
   keys.add("min_length_m", min_length_m, between(1, 200), "... and at least [m]");

@@ -228,7 +228,9 @@ class BadClosedLoop : public BadInput {};
 
 TEST_F(BadClosedLoop, ValuesAndTracks) {
   expectRefused(loopCommand(out / "a", {"--from", "-1"}), {"--from -1"});
-  expectRefused(loopCommand(out / "a", {"--shift", "3", "--fail-for", "2"}), {"--shift"});
+  expectRefused(loopCommand(out / "a", {"--from", "5000"}), {"--from 5000", "lvms.ini", "2414"});
+  expectRefused(loopCommand(out / "a", {"--shift", "3", "--fail-for", "2"}), {"--shift", "--fail-for"});
+  expectRefused(loopCommand(out / "a", {"--shift", "3", "--gap", "4"}), {"--shift", "--gap"});
   expectRefused(loopCommand(out / "a", {"--lidars", "lidar_roof"}), {"lidar_roof"});
   auto monza = loopCommand(out / "a", {});
   monza[3] = ROOT "/share/tracks/monza_like.ini";

@@ -381,7 +381,7 @@ TEST(FusionFilter, RefusesAGateWhoseLimitsAreCrossed) {
   EXPECT_THAT(messageOf(options), HasSubstr("[gate]: epsilon_m"));
   options = {};
   options.epsilon_false_alarm = 1e-6;
-  EXPECT_THAT(messageOf(options), HasSubstr("[gate]: epsilon_false_alarm"));
+  EXPECT_THAT(messageOf(options), HasSubstr("[gate]: delta_false_alarm"));
   EXPECT_EQ(messageOf({}), "");
 }
 

@@ -268,6 +268,33 @@ TEST_F(GuardUnit, RefusesStampsThatGoBack) {
     EXPECT_THROW((void)guard.update({stamp_s, true, walls, tracked, 50, 0}), std::invalid_argument);
 }
 
+TEST(WallOptionsUnit, ThatContradictEachOtherAreRefused) {
+  const auto messageOf = [](const GuardOptions& guard, const WallPathOptions& path) -> std::string {
+    try {
+      const Guard made(guard, path);
+    } catch (const InputError& error) {
+      return error.what();
+    }
+    return "";
+  };
+  GuardOptions near;
+  near.clear_distance_m = 0.1;
+  EXPECT_EQ(messageOf(near, {}),
+            "section [guard]: emergency_distance_m = 0.5, but it must be at most clear_distance_m = 0.1");
+  GuardOptions soon;
+  soon.clear_time_s = 0.5;
+  EXPECT_THAT(messageOf(soon, {}),
+              ::testing::HasSubstr("emergency_time_s = 1, but it must be at most clear_time_s"));
+  WallPathOptions path;
+  path.gap_m = 1;
+  EXPECT_THAT(messageOf({}, path), ::testing::HasSubstr("[wall_path]: least_gap_m = 2, but"));
+  EXPECT_EQ(messageOf({}, {}), "");
+  WallOptions wall;
+  wall.reach_m = 0.3;
+  gpu::Context context(gpu::Backend::cpu);
+  EXPECT_THROW(WallDetector(context, wall), InputError);
+}
+
 TEST(WallOptionsUnit, AreCheckedKeyByKey) {
   WallOptions wall;
   GuardOptions guard;
