@@ -39,7 +39,7 @@ void LoopLocalizer::moveTo(double stamp_s) {
   const auto motion = x_motion.between(x_stamp_s, stamp_s);
   if (!motion || !(stamp_s > x_stamp_s)) return;
   const Pose T_map_next = x_T_map_body * motion->T_start_end;
-  (void)x_fusion.add(planarControl(x_motion, stamp_s, stamp_s - x_stamp_s, x_T_map_body, T_map_next));
+  (void)x_fusion.add(planarControl(stamp_s, stamp_s - x_stamp_s, x_T_map_body, T_map_next));
   if (const auto rates = x_motion.ratesBetween(x_stamp_s, stamp_s)) x_rates = *rates;
   x_T_map_body = T_map_next;
   x_stamp_s = stamp_s;

@@ -39,10 +39,7 @@ void advance(MotionWitness& motion, const CarState& car, const Control& rates, d
       std::pow(std::max(options.fusion.speed_sigma_mps, rates.speed_sigma_mps), 2) * duration_s;
   const Eigen::Vector2d along(std::cos(course_rad), std::sin(course_rad));
   motion.covariance.topLeftCorner<2, 2>() += along_m2 * along * along.transpose();
-  motion.covariance(2, 2) +=
-      (std::pow(std::max(options.fusion.yaw_rate_sigma_rps, rates.yaw_rate_sigma_rps), 2) +
-       std::pow(rates.slip_walk_rad, 2)) *
-      duration_s;
+  motion.covariance(2, 2) += std::pow(options.fusion.yaw_rate_sigma_rps, 2) * duration_s;
 }
 
 void confirm(EstimatorState& state) {
@@ -103,8 +100,10 @@ void Estimator::widen(EstimatorState& state, const std::vector<PoseFix>& fixes) 
   const double times = contradictionByAll(state.records, state.stamp_s, x_options.reliability);
   if (times <= x_options.reliability.inflate_from) return;
   state.car.covariance *= times;
-  for (SourceRecord& record : state.records)
+  for (SourceRecord& record : state.records) {
     record.contradiction = std::max(1.0, record.contradiction / times);
+    record.nis /= times;
+  }
   for (const PoseFix& fix : fixes) placeOf(state.records, fix.source)->nis = positionNis(state.car, fix);
 }
 
@@ -142,8 +141,7 @@ GateDecision Estimator::decide(EstimatorState& state, std::vector<PoseFix> fixes
     const double excess =
         scattersAsClaimed(*known) ? known->contradiction : std::max(known->contradiction, known->noise);
     if (excess > reliability.inflate_from) verdict.inflation = excess;
-    if (!known->confirms && verdict.nis > x_confirm_limit)
-      verdict.inflation = std::max(verdict.inflation, 0.5 * verdict.nis);
+    if (verdict.nis > x_confirm_limit) verdict.inflation = std::max(verdict.inflation, 0.5 * verdict.nis);
     verdict.left = known->left;
     verdict.confirms = known->confirms && !known->left;
     if (known->left) {

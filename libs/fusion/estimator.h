@@ -50,7 +50,8 @@ class Estimator {
    *    (reliability.h): those that left are out.
    *    Where those that are in contradict the estimate alike, it is the estimate that is off: its covariance grows as
    *    many times (fading memory), and their claims stay as they are.
-   * 2. A fix confirms the estimate if its own claim explains its innovation and its source scatters as it claims. While
+   * 2. A fix confirms the estimate if its own claim explains its innovation, its source scatters as it claims, and
+   *    another source or the car's motion agrees with it, unless it is the only one. While
    *    the newest fix of some source does, fixes that contradict the estimate have no say.
    *    When nobody has for alone_s, fixes have no say that are farther off than dead reckoning may be by drift_share of the
    *    way.

@@ -125,11 +125,10 @@ void FusionFilter::OnTransitionNoise(KFMatrix_VxV& Q) const {
       0, 0;
   const Eigen::Vector2d variance =
       T * Eigen::Vector2d(std::max(x_options.speed_sigma_mps, x_step.control.speed_sigma_mps),
-                          std::max(x_options.yaw_rate_sigma_rps, x_step.control.yaw_rate_sigma_rps))
+                          x_options.yaw_rate_sigma_rps)
               .cwiseAbs2();
   Q.asEigen() = G * variance.asDiagonal() * G.transpose();
-  Q(3, 3) = std::max(std::pow(x_options.bias_sigma_rad, 2) * -std::expm1(-2 * T / x_options.bias_time_s),
-                     std::pow(x_step.control.slip_walk_rad, 2) * T);
+  Q(3, 3) = std::pow(x_options.bias_sigma_rad, 2) * -std::expm1(-2 * T / x_options.bias_time_s);
 }
 
 void FusionFilter::OnGetObservationNoise(KFMatrix_OxO& R) const {

@@ -39,16 +39,13 @@ struct Control {
   double speed_mps;     ///< forward, of the rear axle
   double yaw_rate_rps;  ///< about the vertical, counter-clockwise
   double slip_rad = 0;  ///< known part of the angle from heading to course; b is the rest
-  /** Errors of speed and yaw rate, averaged over one second, where they are larger than FusionOptions says. */
-  double speed_sigma_mps = 0, yaw_rate_sigma_rps = 0;
-  /** How the error of the slip grows, over a root second, where that is more than FusionOptions lets b wander. */
-  double slip_walk_rad = 0;
+  /** Error of the speed, averaged over one second, where it is larger than FusionOptions says. */
+  double speed_sigma_mps = 0;
 };
 
 [[nodiscard]] inline bool isFinite(const Control& c) {
   return std::isfinite(c.stamp_s) && std::isfinite(c.speed_mps) && std::isfinite(c.yaw_rate_rps) &&
-         std::isfinite(c.slip_rad) && std::isfinite(c.speed_sigma_mps) &&
-         std::isfinite(c.yaw_rate_sigma_rps) && std::isfinite(c.slip_walk_rad);
+         std::isfinite(c.slip_rad) && std::isfinite(c.speed_sigma_mps);
 }
 
 /** State of the filter: x, y [m] in the map, theta [rad] heading of the body in [-pi, pi), b [rad] the angle
@@ -71,7 +68,8 @@ enum class GateRule {
 struct SourceVerdict {
   std::string source;
   /** Delta_k: [m] for GateMetric::metric, normalised innovation squared for chi2. Of a source that left the others, how
-   * far [m]; of one that contradicts an estimate which others confirm, its normalised innovation squared. */
+   * far [m]; of one that contradicts an estimate which others confirm, its normalised innovation squared; of one that is
+   * farther off than dead reckoning may be, while nobody confirms, the same with what that may be off. */
   double delta;
   double limit;    ///< accepted up to here, in the unit of delta
   double p_theta;  ///< p(Theta_k | x), eq_sigmoid_mahala: 0.5 for delta = 0, falling to 0
@@ -80,7 +78,9 @@ struct SourceVerdict {
   double nis = 0;        ///< normalised innovation squared of its position, as it claims to be: 2 in the mean
   double inflation = 1;  ///< by what its covariance was multiplied, because of that
   bool left = false;     ///< it left the other sources: delta is how far [m], limit what they allow
-  bool confirms = false;  ///< accepted, and its innovation is what its claim lets expect
+  /** Accepted, its innovation is what its claim lets expect, and another source or the car's motion agrees with it,
+   * unless it is the only source. */
+  bool confirms = false;
   /** Fix less estimate, along and across the estimate's heading. */
   Eigen::Vector2d innovation_body_m = Eigen::Vector2d::Zero();
 };

@@ -12,11 +12,8 @@ namespace raceloc {
 namespace {
 
 bool before(const Control& a, const Control& b) {
-  const auto fields = [](const Control& c) {
-    return std::tie(c.stamp_s, c.speed_mps, c.yaw_rate_rps, c.slip_rad, c.speed_sigma_mps,
-                    c.yaw_rate_sigma_rps, c.slip_walk_rad);
-  };
-  return fields(a) < fields(b);
+  return std::tie(a.stamp_s, a.speed_mps, a.yaw_rate_rps, a.slip_rad, a.speed_sigma_mps) <
+         std::tie(b.stamp_s, b.speed_mps, b.yaw_rate_rps, b.slip_rad, b.speed_sigma_mps);
 }
 
 }  // namespace

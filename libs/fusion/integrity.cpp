@@ -73,6 +73,9 @@ Integrity assess(const EstimatorState& state, std::optional<double> gap_m, const
     if (!scattersAsClaimed(record))
       return say(LocalizationState::degraded, record.source + " scatters beyond its claim [times]",
                  record.scatter, kMostScatter);
+    if (!record.supported)
+      return say(LocalizationState::degraded,
+                 record.source + " agrees neither with another source nor with the car's motion", 0, 0);
     if (!record.confirms)
       return say(LocalizationState::degraded, record.source + " contradicts the estimate [NIS]", record.nis,
                  chiSquareLimit(options.reliability.confirm_false_alarm, 2));

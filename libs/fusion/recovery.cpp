@@ -11,17 +11,17 @@ namespace raceloc {
 void RecoveryOptions::describe(OptionList& keys) {
   keys.add("agree_s", agree_s, atLeast(0),
            "two sources must agree with each other for this long before a reset [s]");
-  keys.add("leap_s", leap_s, atLeast(0),
-           "the same where both had gone away from the estimate in one leap, at least agree_s: receivers of "
-           "one faulty "
-           "correction service do, cars do not [s]");
+  keys.add(
+      "leap_s", leap_s, atLeast(0),
+      "the same where both had gone away from the estimate in one leap: receivers of one faulty correction "
+      "service do, cars do not; at least agree_s [s]");
   keys.add("alone_s", alone_s, atLeast(0),
            "when no source has confirmed the estimate for this long, it is dead reckoning; before, there is "
            "no reset [s]");
   keys.add("drift_share", drift_share, between(0, 1),
-           "of the way driven like that, by which dead reckoning may be off: in the protection levels; fixes "
-           "farther off "
-           "are not heard alone");
+           "share of the way since a source last confirmed the estimate, by which dead reckoning may be off: "
+           "widens "
+           "the protection levels; until a source confirms again, fixes farther off are not heard");
 }
 
 std::optional<TwoKeys> twoKeys(const std::vector<SourceRecord>& records, double stamp_s,

@@ -83,13 +83,9 @@ void record(SourceRecord& known, double stamp_s, const CarState& predicted, cons
   now.supported = known.supported;
   if (stamp_s - known.stamp_s <= options.fresh_s) {
     const double share = -std::expm1(-(stamp_s - known.stamp_s) / options.window_s);
-    const auto stepBy = [&](const Eigen::Vector2d& moved_m) {
-      return std::min(moved_m.squaredNorm() / (known.cov_m2.trace() + fix.cov_p_m2.trace()), kMostNis);
-    };
     const Eigen::Vector2d moved_m = now.residual_m - known.residual_m;
-    // What an estimate that runs away lets expect is neither noise nor a jump.
     const double step =
-        std::min(stepBy(moved_m), stepBy(moved_m - (stamp_s - known.stamp_s) * known.rate_mps));
+        std::min(moved_m.squaredNorm() / (known.cov_m2.trace() + fix.cov_p_m2.trace()), kMostNis);
     const auto mean = [&](double before, double value) { return before + share * (value - before); };
     if (step > kJump) {
       const bool comes_back = now.residual_m.norm() < 0.5 * known.residual_m.norm();
@@ -184,8 +180,8 @@ double contradictionByAll(const std::vector<SourceRecord>& records, double stamp
       continue;
     sum += 0.5 * record.nis;
     for (const SourceRecord* other : against) {
-      const double apart_m = (residualAt(record, stamp_s) - residualAt(*other, stamp_s)).norm();
-      if (apart_m > 0.5 * std::min(record.residual_m.norm(), other->residual_m.norm())) return 1;
+      const Eigen::Vector2d one_m = residualAt(record, stamp_s), two_m = residualAt(*other, stamp_s);
+      if ((one_m - two_m).norm() > 0.5 * std::min(one_m.norm(), two_m.norm())) return 1;
     }
     against.push_back(&record);
   }

@@ -46,10 +46,10 @@ struct SourceRecord {
   double contradiction = 1;
   double noise = 1;       ///< mean square step between residuals over what the claim lets expect
   double scatter = 1;     ///< the same with each step at most kMostStep: forgives soon
-  bool confirms = false;  ///< its newest fix was accepted, as its claim lets expect
+  bool confirms = false;  ///< its newest fix was accepted, as its claim lets expect, and it is supported
   bool left = false;
-  bool supported =
-      true;  ///< another source or the car's own motion agrees with it, or there is no other source
+  /** Another source or the car's own motion agrees with it, or there is no other source. */
+  bool supported = true;
   /** It confirmed the estimate, then was elsewhere from one fix to the next, and has neither leapt back nor confirmed it
    * since: the car does not move so, hence the fault is the source's. Not of one that scatters: that is noise. */
   bool leapt = false;

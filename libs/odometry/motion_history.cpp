@@ -325,15 +325,6 @@ std::optional<SweepPoses> MotionHistory::sweep(double begin_s, double end_s) con
   return poses;
 }
 
-std::optional<MotionHistory::Unknowns> MotionHistory::unknownsAt(double stamp_s) const {
-  constexpr double kSlowest_mps = 1;  // slower, no slip is to speak of
-  const auto rates = ratesAt(stamp_s);
-  if (!rates) return std::nullopt;
-  const CalibrationJacobian& J = rates->J_calibration;
-  const Vector6d sigma = (J * x_calibration.covariance() * J.transpose()).diagonal().cwiseSqrt();
-  return Unknowns{sigma(3), sigma(2), sigma(4) / std::max(kSlowest_mps, std::abs(rates->twist(3)))};
-}
-
 std::optional<BodyMotion> MotionHistory::between(double from_s, double to_s) const {
   const auto motion = preintegrated(from_s, to_s);
   if (!motion) return std::nullopt;

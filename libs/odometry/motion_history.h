@@ -68,13 +68,6 @@ class MotionHistory {
   /** Twist of the body, origin at the rear axle, at an instant. None when it is not covered. */
   [[nodiscard]] std::optional<BodyRates> ratesAt(double stamp_s) const;
 
-  /** Sigmas of what the calibration leaves unknown of the rates at an instant. */
-  struct Unknowns {
-    double speed_mps, yaw_rate_rps, slip_rad;
-  };
-  /** None when it is not covered. */
-  [[nodiscard]] std::optional<Unknowns> unknownsAt(double stamp_s) const;
-
   /** The body's motion from one instant to a later one. Rates are constant within the cells of a fixed grid of 5 ms,
    * so that an interval may be cut anywhere. None when the interval is not covered. */
   [[nodiscard]] std::optional<Preintegration> preintegrated(double from_s, double to_s) const;

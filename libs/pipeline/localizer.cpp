@@ -329,7 +329,7 @@ void Localizer::moveTo(double stamp_s) {
   if (const auto rates = x_history.ratesBetween(x_stamp_s, stamp_s)) x_last_rates = *rates;
   x_by_wheels = x_history.hasWheels(stamp_s) && x_history.between(x_stamp_s, stamp_s).has_value();
 
-  Control control = planarControl(x_history, stamp_s, stamp_s - x_stamp_s, x_T_map_body, T_map_next);
+  Control control = planarControl(stamp_s, stamp_s - x_stamp_s, x_T_map_body, T_map_next);
   if (!x_by_wheels) control.speed_sigma_mps = kUnknownSpeed_mps;
   (void)x_fusion->add(control);  // it is in order, and all of it finite
   noteDecisions();

@@ -4,10 +4,8 @@
 
 namespace raceloc {
 
-Control planarControl(const MotionHistory& history, double stamp_s, double duration_s, const Pose& T_map_from,
-                      const Pose& T_map_to) {
+Control planarControl(double stamp_s, double duration_s, const Pose& T_map_from, const Pose& T_map_to) {
   constexpr double kStanding_mps = 0.5;  // slower, the way is too short to have a direction
-  constexpr double kForceMemory_s = 1;   // what tyres bear, and with it the slip, is another after a second
   const double from_rad = yawOf(T_map_from), turn_rad = wrapAngle(yawOf(T_map_to) - from_rad);
   const Eigen::Vector2d moved_m = Eigen::Rotation2Dd(-(from_rad + 0.5 * turn_rad)) *
                                   (T_map_to.translation() - T_map_from.translation()).head<2>();
@@ -15,11 +13,6 @@ Control planarControl(const MotionHistory& history, double stamp_s, double durat
   if (control.speed_mps > kStanding_mps) {
     control.speed_mps = moved_m.norm() / duration_s;
     control.slip_rad = std::atan2(moved_m.y(), moved_m.x());
-  }
-  if (const auto unknown = history.unknownsAt(stamp_s)) {
-    control.speed_sigma_mps = unknown->speed_mps;
-    control.yaw_rate_sigma_rps = unknown->yaw_rate_rps;
-    control.slip_walk_rad = unknown->slip_rad * std::sqrt(2 / kForceMemory_s);
   }
   return control;
 }

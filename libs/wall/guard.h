@@ -76,7 +76,7 @@ struct GuardOutput {
  *  - no_wall: the same, but there is no wall.
  *  - localized.
  * In an emergency, and along the other wall, the car does not go nearer than it was when that began: it does not cross
- * the road to gap_m. The path that is driven is the tracked one; once the car is lost, the one along the wall. */
+ * the road to gap_m. The path that is driven is the tracked one; once the car is lost, the one along the wall. Walls are those that are not passed, by their curves ahead: ahead(). */
 class Guard {
  public:
   /** \throws InputError if options contradict each other. */

@@ -60,6 +60,7 @@ Wall moved(const Wall& wall, const Pose& T_last_now, double dt_s) {
   out.covariance = shift * wall.covariance * shift.transpose();
   out.from_x_m -= middle_m;
   out.to_x_m -= middle_m;
+  out.is_passed = wall.is_passed || out.to_x_m < 0;
   out.age_s += dt_s;
   return out;
 }

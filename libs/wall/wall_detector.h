@@ -29,10 +29,10 @@ struct Wall {
   double residual_m;           ///< median distance of what was seen from the line
   double height_m;             ///< of what was seen, at most
   double age_s;                ///< since it was seen; 0: in this scan
-  /** The same by what lies ahead of the rear axle alone, where more was seen: at the begin of a turn no parabola fits
-   * what is passed and what comes, and the guard asks for what comes. */
+  /** beta by what lies ahead of the rear axle alone, where much more was seen: at the begin of a turn no parabola fits what is
+   * passed and what comes, and the guard asks for what comes. */
   std::optional<Eigen::Vector3d> beta_ahead = std::nullopt;
-  bool is_passed = false;  ///< no wall is ahead of the rear axle
+  bool is_passed = false;  ///< too little of it is ahead of the rear axle to say how it goes on
 
   [[nodiscard]] double y_m(double x_m) const { return beta[0] + x_m * (beta[1] + x_m * beta[2]); }
   [[nodiscard]] double slope(double x_m) const { return beta[1] + 2 * x_m * beta[2]; }
@@ -45,7 +45,7 @@ struct Wall {
   [[nodiscard]] double clearance_m(const Eigen::Vector2d& p_body_m) const;
 };
 
-/** The wall by its curve ahead. */
+/** The wall with its curve ahead for beta; the rest is of the whole. */
 [[nodiscard]] Wall ahead(Wall wall);
 
 /** The wall after the body has moved. Its covariance grows by nothing: the motion over a wall's age is known to

@@ -19,7 +19,7 @@ class WallFollower {
  public:
   explicit WallFollower(const WallPathOptions& options) : x_options(options) {}
 
-  /** \param wall             of the newest scan, body frame
+  /** \param seen             of the newest scan, body frame
    * \param gap_m            to come to, and keep
    * \param speed_mps        forward
    * \param curvature_per_m  of the car's way now

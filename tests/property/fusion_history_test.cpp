@@ -399,6 +399,29 @@ TEST(FusionHistoryProperty, AMotionThatAllSourcesContradictGivesWay) {
   });
 }
 
+TEST(FusionHistoryProperty, SourcesThatDriftApartSmoothlyRaiseTheAlarm) {
+  // 4, 6 and 8 m/s across the car: each for itself could be a car that slides, and the estimate may go with one.
+  constexpr double kFrom_s = 5, kTo_s = 10;
+  forAll(5, [](Random& rnd) {
+    const auto drift = [](TimedFix& fix, Random&) {
+      const double rate_mps = fix.fix.source == "gps_left" ? 4 : fix.fix.source == "gps_right" ? 6 : 8;
+      if (within(fix, kFrom_s, kTo_s))
+        fix.fix.p_map_m += Eigen::Rotation2Dd(truthAt(fix.stamp_s).heading_rad) *
+                           Eigen::Vector2d(0, rate_mps * (fix.stamp_s - kFrom_s));
+      return true;
+    };
+    FusionHistory history = started();
+    const Course r = driven(history, drive(12, rnd, drift));
+    // They are 0.5 m apart from each other and from the motion after a quarter of a second; the gate wants one without a
+    // fix that confirms for 0.2 s.
+    ASSERT_TRUE(r.firstAlarm_s(kFrom_s));
+    EXPECT_LT(*r.firstAlarm_s(kFrom_s), kFrom_s + 0.75);
+    EXPECT_LT(r.worst_m(kFrom_s, kTo_s),
+              0.01 * kSpeed_mps * (kTo_s - kFrom_s));  // dead reckoning: 1 % of the way
+    EXPECT_LT(r.worst_m(kTo_s + 1, 12), 0.30);
+  });
+}
+
 TEST(FusionHistory, AHeadingThatFlipsIsLeftOutAndItsPositionHeard) {
   const auto flip = [](TimedFix& fix, Random&) {
     if (fix.fix.source == "gps_left" && within(fix, 5, 10)) fix.fix.heading_rad += M_PI;

@@ -69,6 +69,11 @@ TEST(Integrity, EachStateHasItsCauseWithFigureAndLimit) {
   EXPECT_EQ(drifting.measured, 3);
   EXPECT_EQ(drifting.limit, 0.5);
 
+  EstimatorState odd = heldBy({"gps_left", "gps_right", "scan_match"});
+  odd.records[0].confirms = odd.records[0].supported = false;
+  EXPECT_EQ(assessed(odd).state, LocalizationState::degraded);
+  EXPECT_THAT(assessed(odd).cause, HasSubstr("gps_left agrees neither with another source"));
+
   EstimatorState silent = heldBy({"gps_left", "gps_right", "scan_match"});
   silent.records[2].stamp_s = 9.2;
   EXPECT_THAT(assessed(silent).cause, HasSubstr("scan_match is silent"));
