@@ -2,12 +2,14 @@
 
 Logs and maps that are in the folder already are used again: the apps give a file its name only when it is whole.
 """
+import dataclasses
 import itertools
 import json
 import pathlib
 import re
 import subprocess
 import threading
+import typing
 
 ROOT = pathlib.Path(__file__).resolve().parents[2]
 DEVICES = "lidar_front imu* vehicle* gps_*"
@@ -157,3 +159,28 @@ class Drives:
 
 def truth_of(log):
     return log.with_name(log.stem + "_truth.tum")
+
+
+@dataclasses.dataclass
+class Row:
+    """A row of a table: `measure` gives {column: figure}, about `about_s` of work. `bounds`: {column: (low, high)} of
+    figures, beyond which something is wrong."""
+
+    name: str
+    about_s: float
+    measure: typing.Callable
+    paper: str = ""
+    bounds: dict = dataclasses.field(default_factory=dict)
+
+
+@dataclasses.dataclass
+class Table:
+    """One of the paper's results. `pictures` gives (title, path below the folder) of those that were made."""
+
+    name: str
+    title: str
+    paper: str
+    data: str
+    columns: list
+    rows: list
+    pictures: typing.Callable = list

@@ -1,11 +1,11 @@
 /** \file
- * What programs that read no rawlog need of one: `export_log LOG.rawlog FOLDER`. Writes FOLDER/000000.bin, ... with the sweeps
- * (float32 x y z [m] in the LiDAR's frame, and time since the sweep's stamp [s], 0 where the log has none),
- * FOLDER/sweeps.tum with each one's stamp and T_body_lidar, and FOLDER/RECEIVER.tum with what each INS said. */
+ * What programs that read no rawlog need of one. `export_log sweeps LOG.rawlog FOLDER` writes FOLDER/000000.bin, ...
+ * (float32 x y z [m] in the LiDAR's frame, and time since the sweep's stamp [s], 0 where the log has none) and
+ * FOLDER/sweeps.tum with each one's stamp and T_body_lidar; `export_log receivers LOG.rawlog FOLDER` writes
+ * FOLDER/RECEIVER.tum with what each INS said. */
 #include <cstdio>
 #include <filesystem>
 #include <fstream>
-#include <iostream>
 #include <map>
 
 #include "cli/app.h"
@@ -28,24 +28,29 @@ void writeSweep(const std::string& path, const Scan& scan) {
   if (!file.flush()) throw InputError("cannot write " + path);
 }
 
-void run(const std::string& log, const std::string& folder) {
-  std::filesystem::create_directories(folder);
+void writeSweeps(const std::string& log, const std::string& folder) {
   LogReader reader(log, {});
-  Trajectory sweeps;
-  std::map<std::string, Trajectory> receivers;
+  Trajectory mounted;
   while (auto sample = reader.next()) {
-    if (const auto* scan = std::get_if<Scan>(&*sample)) {
-      char name[16];
-      std::snprintf(name, sizeof name, "/%06zu.bin", sweeps.poses.size());
-      writeSweep(folder + name, *scan);
-      sweeps.poses.push_back({scan->stamp_s, scan->T_body_lidar});
-    } else if (const auto* ins = std::get_if<InsPose>(&*sample)) {
-      receivers[ins->label].poses.push_back({ins->stamp_s, ins->T_map_body});
-    }
+    const auto* scan = std::get_if<Scan>(&*sample);
+    if (scan == nullptr) continue;
+    char name[16];
+    std::snprintf(name, sizeof name, "/%06zu.bin", mounted.poses.size());
+    writeSweep(folder + name, *scan);
+    mounted.poses.push_back({scan->stamp_s, scan->T_body_lidar});
   }
-  if (!sweeps.poses.empty()) writeTum(folder + "/sweeps.tum", sweeps);
+  writeTum(folder + "/sweeps.tum", mounted);
+}
+
+void writeReceivers(const std::string& log, const std::string& folder) {
+  LogOptions options;
+  options.lidar_labels.clear();
+  LogReader reader(log, options);
+  std::map<std::string, Trajectory> receivers;
+  while (auto sample = reader.next())
+    if (const auto* ins = std::get_if<InsPose>(&*sample))
+      receivers[ins->label].poses.push_back({ins->stamp_s, ins->T_map_body});
   for (const auto& [label, trajectory] : receivers) writeTum(folder + "/" + label + ".tum", trajectory);
-  std::cout << sweeps.poses.size() << " sweeps, " << receivers.size() << " receivers\n";
 }
 
 }  // namespace
@@ -53,7 +58,10 @@ void run(const std::string& log, const std::string& folder) {
 
 int main(int argc, char** argv) {
   return raceloc::runApp("export_log", [&] {
-    if (argc != 3) throw raceloc::InputError("usage: export_log LOG.rawlog FOLDER");
-    raceloc::bench::run(argv[1], argv[2]);
+    const std::string what = argc == 4 ? argv[1] : "";
+    if (what != "sweeps" && what != "receivers")
+      throw raceloc::InputError("usage: export_log sweeps|receivers LOG.rawlog FOLDER");
+    std::filesystem::create_directories(argv[3]);
+    (what == "sweeps" ? raceloc::bench::writeSweeps : raceloc::bench::writeReceivers)(argv[2], argv[3]);
   });
 }

@@ -4,8 +4,8 @@
     peer_odometry.py kiss_icp|small_gicp SWEEPS_FOLDER OUT.tum [--leaf M] [--paced]
 
 kiss_icp: its pipeline with its defaults; --leaf is its voxel_size. small_gicp: scan to model as in its own example (VGICP,
-constant velocity, a voxel map that forgets after 100 scans); --leaf is that of the scan, and the map's voxel where it is
-larger than the example's 1 m. One thread. Sweeps whose points have times are de-skewed by constant velocity, to their end: by
+constant velocity, a voxel map that forgets after 100 scans); --leaf is that of the scan, and the map's voxel and the largest
+distance of a match where they are larger than the example's 1 m. One thread. Sweeps whose points have times are de-skewed by constant velocity, to their end: by
 KISS-ICP itself, and for small_gicp, which does not, here. OUT.tum holds the pose of the body at each sweep's end
 in that at the first. With --paced a sweep is taken when it would have come, as raceloc-live --speed 1 does."""
 import argparse
@@ -40,7 +40,8 @@ class SmallGicp:
 
         self.peer = small_gicp
         self.leaf_m = leaf_m or 0.25
-        self.map = small_gicp.GaussianVoxelMap(max(1.0, self.leaf_m))
+        self.voxel_m = max(1.0, self.leaf_m)
+        self.map = small_gicp.GaussianVoxelMap(self.voxel_m)
         self.map.set_lru(horizon=100, clear_cycle=10)
         self.pose, self.motion = np.eye(4), np.eye(4)
 
@@ -49,7 +50,8 @@ class SmallGicp:
             points = deskewed(points, 1 - times_s / times_s.max(), self.motion)
         scan, _ = self.peer.preprocess_points(points, self.leaf_m, num_threads=1)
         if self.map.size() > 0:
-            match = self.peer.align(self.map, scan, self.pose @ self.motion, num_threads=1)
+            match = self.peer.align(self.map, scan, self.pose @ self.motion, num_threads=1,
+                                    max_correspondence_distance=self.voxel_m)
             self.motion = np.linalg.inv(self.pose) @ match.T_target_source
             self.pose = match.T_target_source
         self.map.insert(scan, self.pose)

@@ -1,0 +1,2 @@
+def tables(apps, quick, peers):
+    return []
