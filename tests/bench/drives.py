@@ -125,29 +125,44 @@ class Drives:
         self.app("map", "-c", ROOT / "ini/map.ini", "-o", chart, log, makes=chart)
         return chart
 
-    def live_ini(self, name, sections):
-        """ini/live.ini; with `sections` ({section: {key: value}}) a copy with other values."""
-        shipped = ROOT / "ini/live.ini"
+    def said(self, path, *command):
+        """What a command printed, kept in a file that is used again."""
+        with self._guard:
+            lock = self._locks.setdefault(path, threading.Lock())
+        with lock:
+            if not path.exists():
+                text = self.run(*command)
+                path.write_text(text)
+        return path.read_text()
+
+    def ini(self, app, name, sections):
+        """ini/APP.ini; with `sections` ({section: {key: value}}) a copy with other values."""
+        shipped = ROOT / f"ini/{app}.ini"
         if not sections:
             return shipped
         text = shipped.read_text()
         for section, values in sections.items():
             text = with_section(text, section, values)
-        ini = self.folder / f"{name}.ini"
+        ini = self.folder / f"{name}_{app}.ini"
         ini.write_text(text)
         return ini
 
     def localize(self, name, chart, log, sections=None, options=()):
         """NAME.tum, NAME_own.csv (integrity) and NAME_decisions.csv of raceloc-live. Returns the path of the first."""
         tum = self.folder / f"{name}.tum"
-        self.app("live", "-c", self.live_ini(name, sections), "-m", chart, "-i", log, "--trajectory", tum, "--integrity",
+        self.app("live", "-c", self.ini("live", name, sections), "-m", chart, "-i", log, "--trajectory", tum, "--integrity",
                  self.folder / f"{name}_own.csv", "--decisions", self.folder / f"{name}_decisions.csv", *options)
         return tum
 
     def odometry(self, name, log, sections=None, options=()):
         tum = self.folder / f"{name}.tum"
-        self.app("live", "-c", self.live_ini(name, sections), "--odometry-only", "-i", log, "--trajectory", tum, *options)
+        self.measured(name, self.bin / "raceloc-live", "-c", self.ini("live", name, sections), "--odometry-only", "-i", log,
+                      "--trajectory", tum, *options)
         return tum
+
+    def measured(self, name, *command):
+        """Runs it under `raceloc-eval cpu`, which writes NAME_cpu.json."""
+        self.app("eval", "cpu", "--json", self.folder / f"{name}_cpu.json", "--", *command)
 
     def figures(self, truth, tum, *options):
         """What raceloc-eval says, as its JSON; NAME_errors.csv too."""
