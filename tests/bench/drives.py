@@ -77,8 +77,9 @@ class Drives:
 
     def shown(self, word):
         word = str(word)
-        for path, short in ((self.folder, "build/paper"), (self.bin, ""), (ROOT, "")):
-            word = word.replace(str(path), short).lstrip("/") if not short else word.replace(str(path), short)
+        for path, short in ((self.folder, "build/paper/"), (self.bin, ""), (ROOT, ""), (RECORDINGS, "../shared/data/")):
+            word = re.sub(rf"{re.escape(str(path))}(/|$)", short, word)
+        word = "python3" if re.search(r"/python[0-9.]*$", word) else word
         return f"'{word}'" if re.search(r"[ *?]", word) else word
 
     def run(self, *command, makes=None):
