@@ -64,7 +64,7 @@ def measured(row, apps):
             status = "FAILED: " + "; ".join(wrong)
     except drives.Skipped as why:
         status = f"skipped ({why})"
-    except (drives.Failed, OSError, KeyError, ValueError, IndexError) as why:
+    except (drives.Failed, OSError, KeyError, TypeError, ValueError, IndexError) as why:
         status = f"FAILED: {type(why).__name__}: {why}"
     return {"figures": figures, "status": status, "seconds": round(time.monotonic() - begun_s, 1),
             "commands": list(dict.fromkeys(apps.commands))}
