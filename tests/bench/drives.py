@@ -166,7 +166,7 @@ class Drives:
         self.app("eval", "cpu", "--json", self.folder / f"{name}_cpu.json", "--", *command)
 
     def figures(self, truth, tum, *options):
-        """What raceloc-eval says, as its JSON; NAME_errors.csv too."""
+        """What raceloc-eval says, as its JSON; NAME_errors.csv too, and what `options` ask for."""
         figures = tum.with_suffix(".json")
         self.app("eval", "--truth", truth, "--estimate", tum, *options, "--json", figures, "--csv",
                  tum.with_name(tum.stem + "_errors.csv"))

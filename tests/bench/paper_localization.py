@@ -82,12 +82,12 @@ def noise(course, quick, seeds):
 
 
 def draw_over_way(picture, series):
-    """An SVG of errors in the plane [m], logarithmic, over the way [km]; series: {title: ERRORS.csv of raceloc-eval}."""
+    """A PNG of errors in the plane [m], logarithmic, over the way [km]; series: {title: ERRORS.csv of raceloc-eval}."""
     if not shutil.which("gnuplot"):
         raise Skipped("apt install gnuplot-nox")
     lines = ", ".join(f"'{path}' using (column('station_m')/1000):(column('position_plane_m')+1e-4) with lines lw 1 "
                       f"title '{title.replace('_', ' ')}'" for title, path in series.items())
-    script = (f"set datafile separator ','; set terminal svg size 1000,380; set output '{picture}'; set logscale y; "
+    script = (f"set datafile separator ','; set terminal pngcairo size 1000,380; set output '{picture}'; set logscale y; "
               f"set yrange [0.001:100]; set grid; set key outside top horizontal; set xlabel 'way [km]'; "
               f"set ylabel 'error in the plane [m]'; plot {lines}")
     done = subprocess.run(["gnuplot", "-e", script], capture_output=True, text=True)
@@ -97,7 +97,7 @@ def draw_over_way(picture, series):
 
 def first_day(apps, course, quick):
     shipped = drives.ROOT / "ini/sim/faults/gps_first_day.ini"
-    picture = apps.folder / "first_day.svg"
+    picture = apps.folder / "first_day.png"
     columns = ["rmse in the plane [m]", "median [m]", "worst [m]", f"farther off than {KEEPS_OUT_M:g} m [% of the way]"]
 
     def measured(tum, figures):

@@ -9,11 +9,20 @@ from drives import Row, Skipped, Table, truth_of
 PAPER_THREADS = 16  # of the paper's computer: its table has CPU in percent of all
 # Leaf 2.0 m: the covariances' lengths go with it, as ini/live.ini says.
 LEAF_2M = {"odometry": {"scan_voxel_m": 2.0}, "covariance": {"radius_m": 4.0, "laplacian_sigma_m": 2.0}}
-ALIGNED = ("--align", "se3", "--segments", "20,40,80")
 DRIFT = "drift over 20 / 40 / 80 m [%]"
 # The project's figure for odometry on an undisturbed lap is 0.3 % over 80 m; with leaf 2.0 m, and where the tunnel of
 # everland_like takes half of the view, twice that (measured with two seeds: 0.33, 0.52).
 DRIFT_PERCENT, COARSE_DRIFT_PERCENT = 0.3, 0.7
+
+
+def aligned(apps, log, tum):
+    """Figures of odometry without georeference, and its picture: NAME.png, where it went and how wrong it was."""
+    return apps.figures(truth_of(log), tum, "--align", "se3", "--segments", "20,40,80", "--picture", tum.with_suffix(".png"))
+
+
+def pictures_of(apps, stems):
+    """For Table.pictures; stems: {title: name of the trajectory}."""
+    return lambda: [(title, f"{stem}.png") for title, stem in stems.items() if (apps.folder / f"{stem}.png").exists()]
 
 
 def statistics(figures):
@@ -67,7 +76,7 @@ def ablation(apps, quick, log):
     def measure(stem, disabled):
         drive = log()
         tum = apps.odometry(f"ablation_{stem}", drive, options=["--disable", disabled])
-        figures = apps.figures(truth_of(drive), tum, *ALIGNED)
+        figures = aligned(apps, drive, tum)
         return {**drift(figures), "rmse in the plane [m]": figures["errors"]["position_plane_m"]["rmse"],
                 "worst [m]": figures["errors"]["position_plane_m"]["max"]}
 
@@ -80,7 +89,8 @@ def ablation(apps, quick, log):
                  "Monza at up to 200 km/h: two pictures without figures.",
                  f"simulated monza_like, {'463 m' if quick else 'one lap'} at up to 200 km/h, one 120-degree LiDAR, seed 1, no GPS; "
                  "all sources for the first second, then those named; rigidly aligned.",
-                 [DRIFT, "rmse in the plane [m]", "worst [m]"], rows)
+                 [DRIFT, "rmse in the plane [m]", "worst [m]"], rows,
+                 pictures_of(apps, {"LiDAR only": "ablation_lidar", "LiDAR, IMU and car": "ablation_all"}))
 
 
 def peer_command(peers, name, sweeps, tum, *options):
@@ -128,7 +138,7 @@ def benchmark(apps, quick, peers):
 
     def odometry(stem, sections, *options):
         log = drive()
-        figures = apps.figures(truth_of(log), apps.odometry(f"everland_{stem}", log, sections, options), *ALIGNED)
+        figures = aligned(apps, log, apps.odometry(f"everland_{stem}", log, sections, options))
         return {**statistics(figures), **drift(figures), **cpu(f"everland_{stem}", figures, False)}
 
     def with_map(stem, sections):
@@ -148,7 +158,7 @@ def benchmark(apps, quick, peers):
     def peer(name):
         log = drive()
         tum = peer_odometry(apps, peers, name, f"everland_{name}", log, "--leaf", "2.0", *([] if quick else ["--paced"]))
-        figures = apps.figures(truth_of(log), tum, *ALIGNED)
+        figures = aligned(apps, log, tum)
         return {**statistics(figures), **drift(figures), **cpu(f"everland_{name}", figures, not quick)}
 
     coarse = {"over 80 m": (0, COARSE_DRIFT_PERCENT)}
@@ -173,7 +183,8 @@ def benchmark(apps, quick, peers):
                  "LiDAR of 128 x 1024, seed 1; same sweeps for all, each thins them to its leaf. Odometry is aligned rigidly; map "
                  "and pose graph use the log's GPS/INS, and are not aligned. CPU in % of 16 threads like the paper's: with maximum "
                  "and minimum where the log came at its own pace (half seconds), else core-seconds over seconds of log.",
-                 ["rmse", "mean", "median", "std", DRIFT, "CPU mean", "CPU max", "CPU min"], rows)
+                 ["rmse", "mean", "median", "std", DRIFT, "CPU mean", "CPU max", "CPU min"], rows,
+                 pictures_of(apps, {"ours": "everland_cpu", "KISS-ICP": "everland_kiss_icp", "small_gicp": "everland_small_gicp"}))
 
 
 def kitti_data(apps):
@@ -209,7 +220,7 @@ def real(apps, quick, peers):
         return plane(apps.figures(truth_of(town()), tum))
 
     def odometry(name, log, run):
-        figures = apps.figures(truth_of(log), run(name, log), *ALIGNED)
+        figures = aligned(apps, log, run(name, log))
         return {**plane(figures), **drift(figures)}
 
     def ours(name, log):
