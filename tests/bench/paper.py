@@ -5,7 +5,8 @@
 Simulates each table's drives (fixed seeds), runs the apps on them, and writes FOLDER/results.md (each table with what the
 paper has, what we have, on which data and by which commands), FOLDER/results.json and pictures. A row that fails or is out
 of its bounds says so, the others go on, and the exit status is 1 in the end; what would have to be installed first is
-`skipped`. Logs and maps that are in FOLDER already are used again (10 GB in full).
+`skipped`. Logs and maps that are in FOLDER already are used again (10 GB in full), and with --only the results of the
+other rows are kept; results are written after each row.
 
 --quick: short laps, one seed, no peers: what a CI can do in two minutes.
 --only:  tables or `table: row`s by a shell pattern, e.g. 'noise*'.
@@ -25,30 +26,52 @@ import paper_odometry
 
 
 class Campaign:
-    """Runs the rows of tables and tells how far it is. `done`: {table: {row: what came of it}}."""
+    """Runs the rows of tables and tells how far it is. `done`: {table: {row: what came of it}}, with what an earlier run in
+    the folder left."""
 
-    def __init__(self, tables, only):
-        self.tables = [(table, rows) for table in tables
-                       if (rows := [r for r in table.rows if any(fnmatch.fnmatch(name, only) for name in
-                                                                 (table.name, f"{table.name}: {r.name}"))])]
-        self.done = {table.name: {} for table, _ in self.tables}
-        self.about_s = sum(row.about_s for _, rows in self.tables for row in rows)
-        self.gone_s, self.count = 0, 0
+    def __init__(self, tables, args, apps):
+        self.tables, self.args, self.apps = tables, args, apps
+        self.chosen = [(table, row) for table in tables for row in table.rows
+                       if any(fnmatch.fnmatch(name, args.only) for name in (table.name, f"{table.name}: {row.name}"))]
+        self.done = {table.name: {} for table in tables}
+        earlier = json.loads(self.results.read_text()) if self.results.exists() else {}
+        if earlier.get("quick") == args.quick:
+            self.done.update(earlier["tables"])
+        for table, row in self.chosen:
+            self.done[table.name].pop(row.name, None)
 
-    def run(self, jobs, apps):
-        begun_s = time.monotonic()
-        total = sum(len(rows) for _, rows in self.tables)
-        with ThreadPoolExecutor(jobs) as pool:
-            futures = {pool.submit(measured, row, apps): (table, row) for table, rows in self.tables for row in rows}
-            for future in as_completed(futures):
+    @property
+    def results(self):
+        return self.apps.folder / "results.json"
+
+    def run(self):
+        """Names of the rows that failed."""
+        begun_s, gone_s, failed = time.monotonic(), 0, []
+        about_s = sum(row.about_s for _, row in self.chosen)
+        with ThreadPoolExecutor(self.args.jobs) as pool:
+            futures = {pool.submit(measured, row, self.apps): (table, row) for table, row in self.chosen}
+            for count, future in enumerate(as_completed(futures), 1):
                 table, row = futures[future]
                 result = self.done[table.name][row.name] = future.result()
-                self.count += 1
-                self.gone_s += row.about_s
-                left_s = (time.monotonic() - begun_s) * (self.about_s / self.gone_s - 1)
-                print(f"[{self.count}/{total}] {table.name}: {row.name}: {result['status']} ({result['seconds']:.0f} s; "
-                      f"about {left_s / 60:.0f} min left)", flush=True)
-        return time.monotonic() - begun_s
+                gone_s += row.about_s
+                took_s = time.monotonic() - begun_s
+                if result["status"].startswith("FAILED"):
+                    failed.append(f"{table.name}: {row.name}: {result['status']}")
+                self.write(took_s)
+                print(f"[{count}/{len(futures)}] {table.name}: {row.name}: {result['status']} ({result['seconds']:.0f} s; "
+                      f"about {took_s * (about_s / gone_s - 1) / 60:.0f} min left)", flush=True)
+        print(f"written          {self.apps.folder}/results.md, results.json: {len(self.chosen) - len(failed)} of "
+              f"{len(self.chosen)} rows in {took_s / 60:.1f} min", flush=True)
+        return failed
+
+    def write(self, took_s):
+        quick = "Quick form: short laps, one seed. " if self.args.quick else ""
+        words = ["# The paper's results, measured again", "",
+                 f"{quick}Last run: {len(self.chosen)} rows, {took_s / 60:.1f} min with {self.args.jobs} at a time. Simulated or "
+                 "other data, other computer: figures of the paper are for orientation.", ""]
+        words += [markdown(table, self.done[table.name]) for table in self.tables if self.done[table.name]]
+        (self.apps.folder / "results.md").write_text("\n".join(words))
+        self.results.write_text(json.dumps({"quick": self.args.quick, "tables": self.done}, indent=1) + "\n")
 
 
 def measured(row, apps):
@@ -76,7 +99,8 @@ def text_of(value):
     return str(value)
 
 
-def markdown(table, rows, done):
+def markdown(table, done):
+    rows = [row for row in table.rows if row.name in done]
     out = [f"## {table.name}: {table.title}", "", f"Paper: {table.paper}", "", f"Data: {table.data}", ""]
     out += ["| | " + " | ".join(table.columns) + " | the paper |", "|" + "---|" * (len(table.columns) + 2)]
     for row in rows:
@@ -105,22 +129,11 @@ def main():
     parser.add_argument("--peers", default=sys.executable)
     args = parser.parse_args()
     apps = drives.Drives(args.bin, args.folder, timeout_s=300 if args.quick else 1800)
-    campaign = Campaign(paper_localization.tables(apps, args.quick) + paper_odometry.tables(apps, args.quick, args.peers),
-                        args.only)
-    if not campaign.tables:
+    tables = paper_localization.tables(apps, args.quick) + paper_odometry.tables(apps, args.quick, args.peers)
+    campaign = Campaign(tables, args, apps)
+    if not campaign.chosen:
         raise SystemExit(f"no table or row is called {args.only}")
-    took_s = campaign.run(args.jobs, apps)
-    words = ["# The paper's results, measured again", "",
-             f"{'Quick form: short laps, one seed. ' if args.quick else ''}{took_s / 60:.1f} min with {args.jobs} "
-             "rows at a time. Simulated or other data, other computer: figures of the paper are for orientation.", ""]
-    words += [markdown(table, rows, campaign.done[table.name]) for table, rows in campaign.tables]
-    (apps.folder / "results.md").write_text("\n".join(words))
-    (apps.folder / "results.json").write_text(json.dumps({"quick": args.quick, "minutes": took_s / 60,
-                                                          "tables": campaign.done}, indent=1) + "\n")
-    failed = [f"{table}: {row}: {result['status']}" for table, rows in campaign.done.items()
-              for row, result in rows.items() if result["status"].startswith("FAILED")]
-    print(f"written          {apps.folder}/results.md, results.json: {campaign.count - len(failed)} of {campaign.count} rows "
-          f"in {took_s / 60:.1f} min")
+    failed = campaign.run()
     if failed:
         raise SystemExit("\n".join(failed))
 
