@@ -111,7 +111,8 @@ def first_day(apps, course, quick):
         race = course.race(13)
         folder = apps.folder / "first_day_receivers"
         tum = folder / f"{name}.tum"
-        apps.run(apps.bin / "export_log", "receivers", apps.inject(race, "first_day", shipped), folder, makes=tum)
+        apps.run(apps.bin / "export_log", "receivers", apps.inject(race, "first_day", shipped), folder,
+                 makes=folder / "gps_right.tum")  # the last that it writes
         return measured(tum, apps.figures(truth_of(race), tum))
 
     def estimate(stem, fault):
