@@ -5,8 +5,8 @@
 
 #include <algorithm>
 #include <nlohmann/json.hpp>
-#include <sstream>
 
+#include "apps/golden_csv.h"
 #include "apps/localize.h"
 #include "eval/trajectory_errors.h"
 
@@ -21,27 +21,6 @@ struct Turn {
   double from_s, to_s;
   std::string state, cause;  ///< the cause contains this
 };
-
-/** The last of `count` fields may hold commas. */
-std::vector<std::string> fieldsOf(const std::string& line, std::size_t count) {
-  std::vector<std::string> fields(1);
-  for (const char c : line)
-    if (c == ',' && fields.size() < count)
-      fields.emplace_back();
-    else
-      fields.back() += c;
-  return fields;
-}
-
-/** Lines of a CSV, without comments and the first. */
-std::vector<std::vector<std::string>> rowsOf(const std::string& path, std::size_t fields) {
-  std::istringstream text(readFile(path));
-  std::vector<std::vector<std::string>> rows;
-  for (std::string line; std::getline(text, line);)
-    if (!line.empty() && line.front() != '#') rows.push_back(fieldsOf(line, fields));
-  if (!rows.empty()) rows.erase(rows.begin());
-  return rows;
-}
 
 /** While sources that are right are left, the project's bound; else 1 % of 4 s at up to 27 m/s, and the error at their begin. */
 constexpr double kHeld_m = 0.30, kDeadReckoned_m = 1.2;

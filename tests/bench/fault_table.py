@@ -8,91 +8,35 @@ already are used again. Needs numpy.
 """
 import argparse
 import fnmatch
-import itertools
 import math
 import pathlib
-import re
-import subprocess
 from concurrent.futures import ThreadPoolExecutor
 
 import consistency
+import drives
 import numpy as np
-
-ROOT = pathlib.Path(__file__).resolve().parents[2]
-DEVICES = "lidar_front imu* vehicle* gps_*"
-SOURCES = ("gps_left", "gps_right", "scan_match")
-
-
-def noise(labels, sigma_m, after_s=2):
-    return {"noise_labels": " ".join(labels), "noise_m": sigma_m, "noise_after_s": after_s}
 
 
 def rows():
-    """name: (options of [trial], fault file or None, what is switched off from the first second on)"""
-    table = {"clean": ({}, None, "")}
-    for count in (1, 2, 3):
-        for labels in itertools.combinations(SOURCES, count):
-            for sigma_m in (5, 10):
-                table[f"{sigma_m} m on {' and '.join(labels)}"] = (noise(labels, sigma_m), None, "")
-    for label in SOURCES:
-        others = " ".join(s for s in SOURCES if s != label).replace("scan_match", "lidar_*")
-        table[f"{label} alone"] = ({}, None, others)
-        for sigma_m in (5, 10):
-            table[f"{sigma_m} m on {label} alone"] = (noise([label], sigma_m), None, others)
+    """name: (sections of live.ini, fault file or None, what is switched off from the first second on)"""
+    table = {name: (sections, None, disabled) for name, (sections, disabled) in drives.noise_rows().items()}
     for fault in ("gps_step_20m", "gps_ramp_0.5mps", "gps_both_receivers", "wheel_lock", "gps_outage", "lidar_off_2s",
                   "all_sources"):
         table[fault] = ({}, fault, "")
     return table
 
 
-def run(*command):
-    done = subprocess.run([str(c) for c in command], capture_output=True, text=True)
-    if done.returncode != 0:
-        raise SystemExit(f"{' '.join(map(str, command))}: {done.stderr.strip()}")
-    return done.stdout
-
-
-def with_section(text, section, values):
-    """The ini with other values of keys that it has."""
-    head, tail = text.split(f"[{section}]", 1)
-    for key, value in values.items():
-        tail, times = re.subn(rf"^{key} =.*$", f"{key} = {value}", tail, count=1, flags=re.MULTILINE)
-        assert times == 1, key
-    return f"{head}[{section}]{tail}"
-
-
-def localize(bin_dir, folder, seed, name, trial, fault, disabled):
-    stem = folder / f"{re.sub('[^a-z0-9.]+', '_', name)}_{seed}"
-    ini, tum, own, errors = (stem.with_name(stem.name + end) for end in (".ini", ".tum", "_own.csv", "_errors.csv"))
+def localize(apps, chart, race, seed, name, sections, fault, disabled):
+    stem = f"{drives.stem_of(name)}_{seed}"
+    errors, own = apps.folder / f"{stem}_errors.csv", apps.folder / f"{stem}_own.csv"
     if not errors.exists():
-        text = (ROOT / "ini/live.ini").read_text()
-        ini.write_text(with_section(text, "trial", {**trial, "noise_seed": seed}))
-        log = folder / f"race_{seed}.rawlog"
-        if fault:
-            log = stem.with_name(stem.name + ".rawlog")
-            run(bin_dir / "raceloc-sim", "inject", "--faults", ROOT / f"ini/sim/faults/{fault}.ini", "-i",
-                folder / f"race_{seed}.rawlog", "-o", log)
-        run(bin_dir / "raceloc-live", "-c", ini, "-m", folder / "map.rlmap", "-i", log, "--trajectory", tum,
-            "--integrity", own, *(["--disable", disabled] if disabled else []))
+        log = apps.inject(race, stem, drives.ROOT / f"ini/sim/faults/{fault}.ini") if fault else race
+        sections = {"trial": {**sections.get("trial", {}), "noise_seed": seed}}
+        tum = apps.localize(stem, chart, log, sections, ["--disable", disabled] if disabled else [])
         if fault:
             log.unlink()
-        run(bin_dir / "raceloc-eval", "--truth", folder / f"race_{seed}_truth.tum", "--estimate", tum, "--csv", errors)
+        apps.figures(drives.truth_of(race), tum)
     return consistency.Run(errors, own)
-
-
-def prepare(args):
-    args.folder.mkdir(parents=True, exist_ok=True)
-    simulated = [args.bin / "raceloc-sim", "--track", args.track, "--car", ROOT / "ini/sim/indy.ini", "--devices",
-                 DEVICES]
-    chart = args.folder / "map.rlmap"
-    if not chart.exists():
-        survey = args.folder / "survey.rawlog"
-        run(*simulated, "--laps", 2.2, "--top-speed", 45, "--seed", 5, "-o", survey)
-        run(args.bin / "raceloc-map", "-c", ROOT / "ini/map.ini", "-o", chart, survey)
-        survey.unlink()
-    for seed in args.seeds:
-        if not (args.folder / f"race_{seed}_truth.tum").exists():
-            run(*simulated, "--laps", args.laps, "--seed", seed, "-o", args.folder / f"race_{seed}.rawlog")
 
 
 def main():
@@ -105,13 +49,16 @@ def main():
     parser.add_argument("--only", default="*")
     parser.add_argument("--jobs", type=int, default=1)
     args = parser.parse_args()
-    prepare(args)
+    apps = drives.Drives(args.bin, args.folder)
+    survey = apps.simulate("survey", args.track, "--laps", 2.2, "--top-speed", 45, seed=5)
+    chart = apps.map_of(survey)
+    races = {seed: apps.simulate(f"race_{seed}", args.track, "--laps", args.laps, seed=seed) for seed in args.seeds}
     chosen = {name: row for name, row in rows().items() if fnmatch.fnmatch(name, args.only)}
     lines = ["| | rmse in the plane [m] | lateral | along | heading [deg] | lateral p95 | heading p95 | worst [m] | ok, "
              "degraded, dead reckoning, lost [%] | above the protection level | NEES |", "|" + "---|" * 11]
     print("\n".join(lines), flush=True)
     with ThreadPoolExecutor(args.jobs) as pool:
-        runs = {name: [pool.submit(localize, args.bin, args.folder, seed, name, *row) for seed in args.seeds]
+        runs = {name: [pool.submit(localize, apps, chart, race, seed, name, *row) for seed, race in races.items()]
                 for name, row in chosen.items()}
         for name, futures in runs.items():
             done = [future.result() for future in futures]
@@ -130,4 +77,7 @@ def main():
 
 
 if __name__ == "__main__":
-    main()
+    try:
+        main()
+    except drives.Failed as failed:
+        raise SystemExit(str(failed)) from None

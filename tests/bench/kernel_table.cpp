@@ -1,12 +1,16 @@
 /** \file
- * The paper's table of kernels on KITTI odometry 01: every scan matched on the one before it, error of the rotation
- * against the true motion. */
+ * The paper's table of kernels: every scan matched on the one before it, error against the true motion.
+ * `kernel_table` on KITTI odometry 01, `kernel_table LIVE.ini LOG.rawlog TRUTH.tum` on a simulated drive, whose sweeps
+ * odometry de-skews and crops. */
+#include <filesystem>
 #include <iostream>
 
 #include "bench/real_pairs.h"
 #include "cli/app.h"
 #include "cloud/voxel_grid.h"
 #include "eval/trajectory_errors.h"
+#include "odometry/odometry_stream.h"
+#include "pipeline/replay.h"
 #include "registration/align.h"
 
 namespace raceloc::bench {
@@ -19,8 +23,30 @@ struct KernelErrors {
   std::size_t not_converged = 0;  ///< counted in the errors all the same
 };
 
+/** Scans of a log, de-skewed to the ends of their sweeps. */
+ScanSequence simulatedSequence(const std::string& ini, const std::string& log,
+                               const std::string& truth_path) {
+  const MatchingOptions options = ReplayOptions::fromIni(ini).localizer.matching;
+  const Trajectory truth = readTum(truth_path);
+  gpu::Context context(gpu::Backend::cpu);
+  OdometryStream stream = odometryStream(context, options);
+  LogReader reader(log, options.log, std::nullopt, Late::passed);
+  ScanSequence sequence{std::filesystem::path(log).stem(), {}, {}};
+  const auto take = [&](const OdometryStep& step) {
+    constexpr double kTruthGap_s = 0.1;
+    const auto T_map_body = interpolated(truth.poses, step.stamp_s, kTruthGap_s);
+    if (!T_map_body) return;
+    sequence.scans.push_back(step.full_scan);
+    sequence.T_map_body.push_back(*T_map_body);
+  };
+  while (auto sample = reader.next()) stream.add(std::move(*sample), take);
+  stream.finish(take);
+  if (sequence.scans.size() < 3) throw InputError(log + ": fewer than three scans with a truth");
+  return sequence;
+}
+
 /** Scan to scan; guessed as the motion found before, at first as the true one. */
-KernelErrors errorsOf(CovarianceOptions covariance, const KittiSequence& sequence) {
+KernelErrors errorsOf(CovarianceOptions covariance, const ScanSequence& sequence) {
   gpu::Context context(gpu::Backend::cpu);
   const double scale =
       2 * kLeaf_m / covariance.radius_m;  // the defaults are for two voxels of the thinned scan
@@ -51,13 +77,12 @@ KernelErrors errorsOf(CovarianceOptions covariance, const KittiSequence& sequenc
   return errors;
 }
 
-void run() {
-  const auto sequence = kittiSequence();
+void run(const ScanSequence& sequence) {
   std::cout
-      << "KITTI 01, " << sequence.scans.size() - 2 << " matches from scan to scan, leaf "
+      << sequence.name << ", " << sequence.scans.size() - 2 << " matches from scan to scan, leaf "
       << number(kLeaf_m, 1) << " m, options at their defaults.\n\n"
-      << "| kernel | rotation [deg]: rmse | mean | median | std | translation [m]: rmse | not converged "
-         "|\n|---|---|---|---|---|---|---|\n";
+      << "| kernel | rotation [deg]: rmse | mean | median | std | translation [m]: rmse | mean | median "
+         "| std | not converged |\n|---|---|---|---|---|---|---|---|---|---|\n";
   const auto kernel = [](gpu::Weight weight) {
     CovarianceOptions o;
     o.kernel = weight;
@@ -74,15 +99,23 @@ void run() {
       {"none, " + std::to_string(nearest.nearest) + " nearest", nearest}};
   for (const auto& [name, covariance] : rows) {
     const KernelErrors errors = errorsOf(covariance, sequence);
-    const Statistics rotation = statisticsOf(errors.rotation_deg);
-    std::cout << "| " << name << " | " << number(rotation.rmse, 4) << " | " << number(rotation.mean, 4)
-              << " | " << number(rotation.median, 4) << " | " << number(rotation.std, 4) << " | "
-              << number(statisticsOf(errors.translation_m).rmse, 4) << " | " << errors.not_converged
-              << " |\n";
+    std::cout << "| " << name << " | ";
+    for (const auto* values : {&errors.rotation_deg, &errors.translation_m}) {
+      const Statistics s = statisticsOf(*values);
+      for (const double figure : {s.rmse, s.mean, s.median, s.std}) std::cout << number(figure, 4) << " | ";
+    }
+    std::cout << errors.not_converged << " |\n";
   }
 }
 
 }  // namespace
 }  // namespace raceloc::bench
 
-int main() { return raceloc::runApp("kernel_table", raceloc::bench::run); }
+int main(int argc, char** argv) {
+  using namespace raceloc::bench;
+  return raceloc::runApp("kernel_table", [&] {
+    if (argc != 1 && argc != 4)
+      throw raceloc::InputError("usage: kernel_table [LIVE.ini LOG.rawlog TRUTH.tum]");
+    run(argc == 1 ? kittiSequence() : simulatedSequence(argv[1], argv[2], argv[3]));
+  });
+}

@@ -43,19 +43,20 @@ struct RealPair {
           Pose::Identity(),    2.0};
 }
 
-/** Consecutive scans of KITTI odometry 01, a motorway at 10 to 18 m/s, with the body's true poses. */
-struct KittiSequence {
+/** Consecutive scans, with the body's true poses. */
+struct ScanSequence {
+  std::string name;
   std::vector<Cloud> scans;      ///< body frame
   std::vector<Pose> T_map_body;  ///< at each scan
   /** Scan `i` >= 2 on the one before it, guessed as the true motion between those two before. */
   [[nodiscard]] RealPair pair(std::size_t i) const {
     const auto motion = [&](std::size_t k) { return T_map_body[k - 1].inverse() * T_map_body[k]; };
-    return {"KITTI 01 #" + std::to_string(i), scans[i], scans[i - 1], motion(i), motion(i - 1), 2.4};
+    return {name + " #" + std::to_string(i), scans[i], scans[i - 1], motion(i), motion(i - 1), 2.4};
   }
 };
 
-/** \throws InputError if the recording is not unpacked. */
-[[nodiscard]] inline KittiSequence kittiSequence() {
+/** KITTI odometry 01, a motorway at 10 to 18 m/s. \throws InputError if the recording is not unpacked. */
+[[nodiscard]] inline ScanSequence kittiSequence() {
   KittiOdometrySequence source;
   source.folder = RACELOC_ROOT "/build/data/kitti_odom/sequences/01";
   if (!std::filesystem::exists(source.folder))
@@ -66,7 +67,7 @@ struct KittiSequence {
   const auto truth = importLog(source, log, [](double) {}).truth;
   if (!truth) throw InputError("no poses with " + source.folder);
 
-  KittiSequence sequence;
+  ScanSequence sequence{"KITTI 01", {}, {}};
   LogReader reader(log, {});
   while (auto sample = reader.next()) {
     const auto* scan = std::get_if<Scan>(&*sample);
