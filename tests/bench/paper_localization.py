@@ -88,7 +88,7 @@ def draw_over_way(picture, series):
     lines = ", ".join(f"'{path}' using (column('station_m')/1000):(column('position_plane_m')+1e-4) with lines lw 1 "
                       f"title '{title.replace('_', ' ')}'" for title, path in series.items())
     script = (f"set datafile separator ','; set terminal pngcairo size 1000,380; set output '{picture}'; set logscale y; "
-              f"set yrange [0.001:100]; set grid; set key outside top horizontal; set xlabel 'way [km]'; "
+              f"set yrange [0.001:100]; set autoscale xfix; set grid; set key outside top horizontal; set xlabel 'way [km]'; "
               f"set ylabel 'error in the plane [m]'; plot {lines}")
     done = subprocess.run(["gnuplot", "-e", script], capture_output=True, text=True)
     if done.returncode != 0:
