@@ -84,14 +84,27 @@ class Drives:
 
     def run(self, *command, makes=None):
         """Standard output of a command; empty where `makes`, a file, is there already."""
-        command = [str(c) for c in command]
-        self.commands.append(" ".join(map(self.shown, command)))
+        command = self._asked(command)
         if makes is None:
             return self._run(command)
-        with self._guard:
-            lock = self._locks.setdefault(makes, threading.Lock())
-        with lock:
+        with self._lock_of(makes):
             return "" if makes.exists() else self._run(command)
+
+    def said(self, path, *command):
+        """Standard output of a command, kept in a file that is used again."""
+        command = self._asked(command)
+        with self._lock_of(path):
+            if not path.exists():
+                path.write_text(self._run(command))
+        return path.read_text()
+
+    def _asked(self, command):
+        self.commands.append(" ".join(map(self.shown, command)))
+        return [str(word) for word in command]
+
+    def _lock_of(self, path):
+        with self._guard:
+            return self._locks.setdefault(path, threading.Lock())
 
     def _run(self, command):
         try:
@@ -125,16 +138,6 @@ class Drives:
         chart = log.with_suffix(".rlmap")
         self.app("map", "-c", ROOT / "ini/map.ini", "-o", chart, log, makes=chart)
         return chart
-
-    def said(self, path, *command):
-        """What a command printed, kept in a file that is used again."""
-        with self._guard:
-            lock = self._locks.setdefault(path, threading.Lock())
-        with lock:
-            if not path.exists():
-                text = self.run(*command)
-                path.write_text(text)
-        return path.read_text()
 
     def ini(self, app, name, sections):
         """ini/APP.ini; with `sections` ({section: {key: value}}) a copy with other values."""

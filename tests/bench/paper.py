@@ -35,8 +35,9 @@ class Campaign:
                        if any(fnmatch.fnmatch(name, args.only) for name in (table.name, f"{table.name}: {row.name}"))]
         self.done = {table.name: {} for table in tables}
         earlier = json.loads(self.results.read_text()) if self.results.exists() else {}
-        if earlier.get("quick") == args.quick:
-            self.done.update(earlier["tables"])
+        if earlier.get("quick", args.quick) != args.quick:
+            raise SystemExit(f"{apps.folder} holds the {'full' if args.quick else 'quick'} form's drives: take another folder")
+        self.done.update(earlier.get("tables", {}))
         for table, row in self.chosen:
             self.done[table.name].pop(row.name, None)
 
@@ -48,6 +49,7 @@ class Campaign:
         """Names of the rows that failed."""
         begun_s, gone_s, failed = time.monotonic(), 0, []
         about_s = sum(row.about_s for _, row in self.chosen)
+        self.write(0)
         with ThreadPoolExecutor(self.args.jobs) as pool:
             futures = {pool.submit(measured, row, self.apps): (table, row) for table, row in self.chosen}
             for count, future in enumerate(as_completed(futures), 1):

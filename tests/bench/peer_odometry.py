@@ -4,10 +4,11 @@
     peer_odometry.py kiss_icp|small_gicp SWEEPS_FOLDER OUT.tum [--leaf M] [--paced]
 
 kiss_icp: its pipeline with its defaults; --leaf is its voxel_size. small_gicp: scan to model as in its own example (VGICP,
-constant velocity, a voxel map that forgets after 100 scans); --leaf is that of the scan, and the map's voxel and the largest
-distance of a match where they are larger than the example's 1 m. One thread. Sweeps whose points have times are de-skewed by constant velocity, to their end: by
-KISS-ICP itself, and for small_gicp, which does not, here. OUT.tum holds the pose of the body at each sweep's end
-in that at the first. With --paced a sweep is taken when it would have come, as raceloc-live --speed 1 does."""
+constant velocity, a voxel map that forgets after 100 scans); --leaf is that of the scan, and the map's voxel and the
+largest distance of a match where they are larger than the example's 1 m. One thread. Sweeps whose points have times are
+de-skewed by constant velocity, to their end: by KISS-ICP itself, and for small_gicp, which does not, here. OUT.tum holds
+the pose of the body at each sweep's end in that at the first. With --paced a sweep is taken when it would have come, as
+raceloc-live --speed 1 does."""
 import argparse
 import pathlib
 import time

@@ -54,7 +54,8 @@ def main():
             runs.append(apps.figures(drives.truth_of(race), tum, "--integrity", tum.with_name(f"{tum.stem}_own.csv")))
         largest = {FIGURES[0]: rmse_m, FIGURES[1]: max_m}
         lines = [f"# {words}. Bands: mean of {len(SEEDS)} seeds ({SEEDS[0]} to {SEEDS[-1]}) -+ 4 standard deviations, at most the "
-                 f"project's {rmse_m:.2f} m rmse,", f"# {max_m:.2f} m largest. States: outputs that are ok, degraded, dead reckoning, lost, of 15 s at 100 Hz, "
+                 f"project's {rmse_m:.2f} m rmse,",
+                 f"# {max_m:.2f} m largest. States: outputs that are ok, degraded, dead reckoning, lost, of 15 s at 100 Hz, "
                  f"-+ {FIX} at least.", "# Made by tests/bench/scenario_bands.py.", "figure,low,high"]
         for pointer in FIGURES:
             low, high = band([at(run, pointer) for run in runs], FIX if "states" in pointer else 0,
