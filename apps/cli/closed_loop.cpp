@@ -4,6 +4,7 @@
 #include <cmath>
 #include <functional>
 #include <limits>
+#include <memory>
 
 #include "cli/loop_localizer.h"
 #include "cloud/deskew.h"
@@ -174,8 +175,9 @@ class LoopDrive {
         x_vehicle(file.vehicles.front().second, file.vehicles.front().first, options.seed),
         x_match_noise(options.seed, kMatchLabel),
         x_injector(options.faults, kStartStamp_s, options.seed),
-        x_localizer(bodyPose(circuit.track, file.car, x_car.state()), kStartStamp_s,
-                    x_car.state().forward_mps, EstimatorOptions()),
+        x_localizer(std::make_unique<LoopLocalizer>(bodyPose(circuit.track, file.car, x_car.state()),
+                                                    kStartStamp_s, x_car.state().forward_mps,
+                                                    EstimatorOptions())),
         x_finder(WallOptions()),
         x_guard(guard, wall_path),
         x_follower(wall_path),
@@ -201,7 +203,7 @@ class LoopDrive {
         x_motion.add(x_car.state());
       }
       if (tick > kTicksBack) measure(tick, now_s - kMeasured_s);
-      while (auto sample = x_samples.pop(now_s)) x_localizer.add(sample->second);
+      while (auto sample = x_samples.pop(now_s)) x_localizer->add(sample->second);
       while (auto scans = x_sweeps.pop(now_s)) decide(std::move(scans->second));
       if (now_s >= kSettle_s)
         steer(now_s);
@@ -253,23 +255,23 @@ class LoopDrive {
 
   /** The line that the car is told, in its own frame: where it believes to be. */
   [[nodiscard]] Path toldPath(double stamp_s, double ahead_m) {
-    return linePath(x_circuit.track, x_told, x_localizer.at(stamp_s).mean.head<3>(), ahead_m);
+    return linePath(x_circuit.track, x_told, x_localizer->at(stamp_s).mean.head<3>(), ahead_m);
   }
 
   void decide(std::vector<Scan> scans) {
-    const WallScan walls = x_finder.look(std::move(scans), x_localizer);
-    const auto [speed_mps, yaw_rate_rps] = x_localizer.rates();
+    const WallScan walls = x_finder.look(std::move(scans), *x_localizer);
+    const auto [speed_mps, yaw_rate_rps] = x_localizer->rates();
     const double curvature_per_m = yaw_rate_rps / std::max(1.0, speed_mps);
     const GuardOutput decided = x_guard.update(
-        {walls.stamp_s, !x_localizer.alarm(), walls,
+        {walls.stamp_s, !x_localizer->alarm(), walls,
          driven(toldPath(walls.stamp_s, kHorizon_s * speed_mps), x_file.driver.lookahead_s * speed_mps),
          speed_mps, curvature_per_m});
-    const double moved_m = x_localizer.between(x_walls_s, walls.stamp_s).translation().norm();
+    const double moved_m = x_localizer->between(x_walls_s, walls.stamp_s).translation().norm();
     x_walls_s = walls.stamp_s;
     x_along.clear();
     if (decided.path)
       x_along = x_follower.follow(*walls.on(decided.path->side), decided.path->gap_m, speed_mps,
-                                  curvature_per_m, x_localizer.course_rad(), moved_m);
+                                  curvature_per_m, x_localizer->course_rad(), moved_m);
     else
       x_follower.restart();
     const auto& wall = walls.on(x_guard_options.side);
@@ -278,12 +280,12 @@ class LoopDrive {
 
   void steer(double now_s) {
     const double stamp_s = kStartStamp_s + now_s;
-    const auto [speed_mps, yaw_rate_rps] = x_localizer.rates();
+    const auto [speed_mps, yaw_rate_rps] = x_localizer->rates();
     const bool by_wall = !x_along.empty();
     const Path path = by_wall ? x_along : toldPath(stamp_s, kNear_m);
     if (!path.empty()) {
-      const Pose T_path_body = by_wall ? x_localizer.between(x_walls_s, stamp_s) : Pose::Identity();
-      x_command_rad = wantedSteering(aheadOn(path, T_path_body, speed_mps, x_localizer.up_body()), speed_mps,
+      const Pose T_path_body = by_wall ? x_localizer->between(x_walls_s, stamp_s) : Pose::Identity();
+      x_command_rad = wantedSteering(aheadOn(path, T_path_body, speed_mps, x_localizer->up_body()), speed_mps,
                                      yaw_rate_rps, x_file.car, x_file.driver);
     }
     if (x_options.is_guarded) x_command_rad = x_handover.steer(x_guard.state(), x_command_rad, kTick_s);
@@ -292,7 +294,7 @@ class LoopDrive {
   [[nodiscard]] ClosedLoopRow row(double now_s) {
     const RaceCarState& car = x_car.state();
     const Pose T_map_body = bodyPose(x_circuit.track, x_file.car, car);
-    const Eigen::Vector2d believed_m = x_localizer.at(kStartStamp_s + now_s).mean.head<2>();
+    const Eigen::Vector2d believed_m = x_localizer->at(kStartStamp_s + now_s).mean.head<2>();
     const Eigen::Vector2d off_m =
         Eigen::Rotation2Dd(-yawOf(T_map_body)) * (believed_m - T_map_body.translation().head<2>());
     return {now_s,
@@ -303,7 +305,7 @@ class LoopDrive {
             wallGap_m(x_circuit, car.s_m, car.n_m, x_file.car.axle_height_m, x_guard_options.side)
                 .value_or(kNone),
             off_m.y(),
-            x_localizer.alarm(),
+            x_localizer->alarm(),
             x_guard.state(),
             x_seen_gap_m};
   }
@@ -324,7 +326,7 @@ class LoopDrive {
   std::vector<GpsModel> x_receivers;
   std::vector<LidarModel> x_lidars;
   FaultInjector x_injector;
-  LoopLocalizer x_localizer;
+  std::unique_ptr<LoopLocalizer> x_localizer;
   WallFinder x_finder;
   Guard x_guard;
   WallFollower x_follower;
