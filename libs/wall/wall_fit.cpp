@@ -229,7 +229,7 @@ Wall WallFit::wallOf(const Curve& curve, const Window& window, Side side) {
 std::optional<Wall> WallFit::whole(std::int32_t cluster, Side side) {
   auto wall = from(cluster, side, -x_options.max_range_m);
   if (wall && wall->from_x_m >= -kSeedHalf_m) return wall;
-  const auto ahead = from(cluster, side, 0);
+  auto ahead = from(cluster, side, 0);
   if (!wall) return ahead;
   if (ahead)
     wall->beta_ahead = ahead->beta;
