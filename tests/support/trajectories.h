@@ -1,8 +1,6 @@
 /** \file
- * Trajectories whose errors are known by hand, and what a refusal says. */
+ * Trajectories whose errors are known by hand. */
 #pragma once
-
-#include <gtest/gtest.h>
 
 #include <cmath>
 #include <optional>
@@ -10,7 +8,6 @@
 #include <utility>
 #include <vector>
 
-#include "core/errors.h"
 #include "eval/trajectory_errors.h"
 
 namespace raceloc::test {
@@ -48,17 +45,5 @@ inline TrajectoryFile moved(TrajectoryFile file, const Pose& T) {
 }
 
 inline TrajectoryFile straight(const std::string& path) { return sampled(path, 0, 10, 0.1, onStraight); }
-
-/** The message of the InputError that `call` must throw. */
-template <class Call>
-std::string complaint(Call call) {
-  try {
-    call();
-  } catch (const InputError& e) {
-    return e.what();
-  }
-  ADD_FAILURE() << "no InputError";
-  return "";
-}
 
 }  // namespace raceloc::test

@@ -16,11 +16,13 @@
 #include "core/output_file.h"
 #include "core/trajectory.h"
 #include "core/types.h"
+#include "support/complaint.h"
 #include "support/run_command.h"
 
 namespace raceloc {
 namespace {
 
+using test::complaint;
 using test::TemporaryFolder;
 using ::testing::AllOf;
 using ::testing::ElementsAre;
@@ -29,18 +31,6 @@ using ::testing::HasSubstr;
 using ::testing::IsEmpty;
 using ::testing::Pair;
 using ::testing::SizeIs;
-
-/** The message of the InputError that `call` must throw. */
-template <class Call>
-std::string complaint(Call call) {
-  try {
-    call();
-  } catch (const InputError& e) {
-    return e.what();
-  }
-  ADD_FAILURE() << "no InputError";
-  return "";
-}
 
 std::string textOf(const std::string& path) {
   std::ifstream in(path);

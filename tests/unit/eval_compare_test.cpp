@@ -7,6 +7,7 @@
 
 #include "eval/compare.h"
 #include "eval/report.h"
+#include "support/complaint.h"
 #include "support/files.h"
 #include "support/run_command.h"
 #include "support/trajectories.h"

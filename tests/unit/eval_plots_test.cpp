@@ -3,12 +3,12 @@
 
 #include <algorithm>
 #include <cmath>
-#include <cstdlib>
 #include <string>
 
 #include "eval/plots.h"
 #include "eval/report.h"
 #include "eval/time_picture.h"
+#include "support/complaint.h"
 #include "support/trajectories.h"
 
 namespace raceloc::test {
@@ -18,10 +18,7 @@ using ::testing::AllOf;
 using ::testing::HasSubstr;
 using ::testing::Not;
 
-bool gnuplotIsThere() { return std::system("gnuplot --version > /dev/null 2>&1") == 0; }
-
 TEST(Report, PageIsWholeAndLinksToNowhere) {
-  if (!gnuplotIsThere()) GTEST_SKIP() << "gnuplot is not installed";
   const auto strange = straight("a & <b>.tum");
   const std::string page =
       htmlReport(evaluate(straight("truth.tum"), strange, {}), {}, "raceloc-eval --truth 'x'");
@@ -35,7 +32,6 @@ TEST(Report, PageIsWholeAndLinksToNowhere) {
 }
 
 TEST(Plots, AreTheSameBytesEachTime) {
-  if (!gnuplotIsThere()) GTEST_SKIP() << "gnuplot is not installed";
   const Evaluation e = evaluate(straight("truth"), straight("estimate"), {});
   for (const Picture& picture : picturesOf(e, {}))
     for (const auto format : {PictureFormat::svg, PictureFormat::page, PictureFormat::png})
@@ -43,14 +39,12 @@ TEST(Plots, AreTheSameBytesEachTime) {
 }
 
 TEST(Plots, OfOnePoseAreDrawn) {
-  if (!gnuplotIsThere()) GTEST_SKIP() << "gnuplot is not installed";
   const Evaluation one = evaluate(file("t", {onStraight(0)}), file("e", {onStraight(0)}), {});
   for (const Picture& picture : picturesOf(one, {}))
     EXPECT_THAT(drawn(picture, PictureFormat::svg), HasSubstr("</svg>")) << picture.name;
 }
 
 TEST(Plots, OfAnHourHaveNoMorePointsThanAScreen) {
-  if (!gnuplotIsThere()) GTEST_SKIP() << "gnuplot is not installed";
   const auto at_10_hz = [](double t_s) { return onCircle(t_s); };
   const Evaluation hour =
       evaluate(sampled("t", 0, 3600, 0.1, at_10_hz), sampled("e", 0, 3600, 0.1, at_10_hz), {});
@@ -60,7 +54,6 @@ TEST(Plots, OfAnHourHaveNoMorePointsThanAScreen) {
 }
 
 TEST(Plots, ArePngByTheirName) {
-  if (!gnuplotIsThere()) GTEST_SKIP() << "gnuplot is not installed";
   const Evaluation e = evaluate(straight("truth"), straight("estimate"), {});
   EXPECT_EQ(drawn(trajectoryPicture(e), formatOf("a.png")).substr(1, 3), "PNG");
   EXPECT_THAT(drawn(trajectoryPicture(e), formatOf("a.svg")), HasSubstr("<svg"));
@@ -68,7 +61,6 @@ TEST(Plots, ArePngByTheirName) {
 }
 
 TEST(Plots, OverTimeBreakWhereThereIsNoValue) {
-  if (!gnuplotIsThere()) GTEST_SKIP() << "gnuplot is not installed";
   const auto picture = [](double middle) {
     const TimeCurve curve{"a", {0, 1, 2, 3, 4}, {1, 2, middle, 3, 1}};
     return timePicture(

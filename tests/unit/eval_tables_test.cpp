@@ -11,6 +11,7 @@
 #include "eval/report.h"
 #include "eval/run_plots.h"
 #include "eval/run_tables.h"
+#include "support/complaint.h"
 #include "support/files.h"
 #include "support/run_command.h"
 #include "support/trajectories.h"
@@ -149,7 +150,6 @@ TEST(Accelerations, OfACircleAreAcrossAndOfBrakingAhead) {
 }
 
 TEST(RunReport, HoldsWhatTheRunSaysOfItself) {
-  if (std::system("gnuplot --version > /dev/null 2>&1") != 0) GTEST_SKIP() << "gnuplot is not installed";
   const Evaluation e = evaluate(straight("t"), straight("e"), {});
   RunTables run;
   std::vector<IntegrityLine> integrity;

@@ -9,6 +9,7 @@
 
 #include "eval/report.h"
 #include "eval/trajectory_errors.h"
+#include "support/complaint.h"
 #include "support/trajectories.h"
 
 namespace raceloc::test {

@@ -8,6 +8,7 @@
 
 #include "core/errors.h"
 #include "pipeline/map_check.h"
+#include "support/complaint.h"
 #include "support/some_map.h"
 
 namespace raceloc {
@@ -25,15 +26,6 @@ class MapCheckTest : public ::testing::Test {
     saveMap(path_, test::groundMap(32, 64, 2), {content_.info, {}});
   }
   void TearDown() override { std::filesystem::remove(path_); }
-  template <class Call>
-  static std::string errorOf(const Call& call) {
-    try {
-      call();
-    } catch (const InputError& e) {
-      return e.what();
-    }
-    return "no InputError";
-  }
   static GpsFix fixAt(double x_m, const std::string& label) {
     return {0, label, {x_m, 0, 0}, Eigen::Matrix3d::Identity(), Eigen::Vector3d::Zero(), 4};
   }
@@ -47,7 +39,7 @@ TEST_F(MapCheckTest, AnotherHashIsRefusedWithBothNamed) {
   const MapFile map(path_);
   requireHash(map, path_, "");
   requireHash(map, path_, map.contentHash());
-  EXPECT_THAT(errorOf([&] { requireHash(map, path_, "md5:0"); }),
+  EXPECT_THAT(test::complaint([&] { requireHash(map, path_, "md5:0"); }),
               AllOf(HasSubstr("map " + path_), HasSubstr("content hash is " + map.contentHash()),
                     HasSubstr("asks for md5:0;")));
 }
@@ -59,9 +51,10 @@ TEST_F(MapCheckTest, AMapOfAnotherPlaceIsRefused) {
     for (int i = 0; i < fixes; ++i) check.add(fixAt(5064, i % 2 == 0 ? "gps_left" : "gps_right"));
   };
   addMore(9);
-  EXPECT_THAT(errorOf([&] { addMore(1); }), AllOf(HasSubstr("map " + path_ + ": of another place"),
-                                                  HasSubstr("origin is 48.982000 8.390400 deg"),
-                                                  HasSubstr("gps_left is 5000 m from its nearest tile")));
+  EXPECT_THAT(
+      test::complaint([&] { addMore(1); }),
+      AllOf(HasSubstr("map " + path_ + ": of another place"), HasSubstr("origin is 48.982000 8.390400 deg"),
+            HasSubstr("gps_left is 5000 m from its nearest tile")));
 }
 
 TEST_F(MapCheckTest, OneFixOnTheMapSettlesIt) {
@@ -76,9 +69,9 @@ TEST_F(MapCheckTest, AMapWithoutPlaceOrPointsIsRefused) {
   content_.info.origin.reset();
   saveMap(path_, TiledMap(32), {content_.info, {}});
   const MapFile map(path_);
-  EXPECT_THAT(errorOf([&] { static_cast<void>(requireOrigin(map, path_)); }),
+  EXPECT_THAT(test::complaint([&] { static_cast<void>(requireOrigin(map, path_)); }),
               HasSubstr("has no georeference"));
-  EXPECT_THAT(errorOf([&] { PlaceCheck(map, path_, 1000); }), HasSubstr("has no points"));
+  EXPECT_THAT(test::complaint([&] { PlaceCheck(map, path_, 1000); }), HasSubstr("has no points"));
 }
 
 }  // namespace

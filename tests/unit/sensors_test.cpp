@@ -36,6 +36,7 @@
 #include "sensors/rawlog_objects.h"
 #include "sensors/text_input.h"
 #include "sensors/velodyne_pcap.h"
+#include "support/complaint.h"
 
 /** For the leak sanitizer: MRPT's Velodyne driver keeps 136 bytes of libpcap's for each capture. */
 // NOLINTNEXTLINE(bugprone-reserved-identifier): the sanitizer's name for it
@@ -82,17 +83,6 @@ class SensorsTest : public ::testing::Test {
 
   fs::path folder;
 };
-
-template <class Action>
-std::string inputErrorOf(const Action& action) {
-  try {
-    action();
-  } catch (const InputError& e) {
-    EXPECT_EQ(std::string(e.what()).find('\n'), std::string::npos) << "one line: " << e.what();
-    return e.what();
-  }
-  return "no InputError";
-}
 
 std::vector<Sample> readAll(const std::string& path, const LogOptions& options = {},
                             std::optional<GeodeticPoint> map_origin = {}) {
@@ -411,10 +401,10 @@ TEST_F(SensorsTest, WrongLabelIsNamedWithTheOnesThere) {
   const std::string path = writeLog(in("x.rawlog"), {kScan, other});
   const auto summary = summarizeRawlog(path);
   requireDevice(summary, "lidar", "lidar_roof lidar_r*");
-  EXPECT_EQ(inputErrorOf([&] { requireDevice(summary, "lidar", "lidar_roof"); }),
+  EXPECT_EQ(test::complaint([&] { requireDevice(summary, "lidar", "lidar_roof"); }),
             "rawlog " + path +
                 ": no LiDAR observation labelled lidar_roof (LiDAR labels in it: lidar_rear, lidar_top)");
-  EXPECT_EQ(inputErrorOf([&] { requireDevice(summary, "gps", "*"); }),
+  EXPECT_EQ(test::complaint([&] { requireDevice(summary, "gps", "*"); }),
             "rawlog " + path + ": no GPS observation labelled * (GPS labels in it: none)");
 }
 
@@ -433,7 +423,7 @@ TEST_F(SensorsTest, EveryLabelThatIsNotThereIsNamed) {
                           "LiDAR radar_*: not in the log, which has lidar_rear, lidar_top"));
   requireDevices(summary, options);
   options.imu_labels = "imu_*";
-  EXPECT_EQ(inputErrorOf([&] { requireDevices(summary, options); }),
+  EXPECT_EQ(test::complaint([&] { requireDevices(summary, options); }),
             "rawlog " + path + ": no IMU observation labelled imu_* (IMU labels in it: none)");
 }
 
@@ -516,14 +506,14 @@ TEST_F(SensorsTest, SameSamplesSameBytes) {
 }
 
 TEST_F(SensorsTest, MissingEmptyAndGarbageLogsAreErrors) {
-  EXPECT_THAT(inputErrorOf([&] { static_cast<void>(summarizeRawlog(in("none.rawlog"))); }),
+  EXPECT_THAT(test::complaint([&] { static_cast<void>(summarizeRawlog(in("none.rawlog"))); }),
               AllOf(HasSubstr(in("none.rawlog")), HasSubstr("cannot be read")));
-  EXPECT_THAT(inputErrorOf([&] { LogReader(folder.string(), {}); }), HasSubstr("cannot be read"));
-  EXPECT_THAT(inputErrorOf([&] { static_cast<void>(summarizeRawlog(write("zero.rawlog", ""))); }),
+  EXPECT_THAT(test::complaint([&] { LogReader(folder.string(), {}); }), HasSubstr("cannot be read"));
+  EXPECT_THAT(test::complaint([&] { static_cast<void>(summarizeRawlog(write("zero.rawlog", ""))); }),
               HasSubstr("empty"));
-  EXPECT_THAT(inputErrorOf([&] { static_cast<void>(summarizeRawlog(writeLog(in("no.rawlog"), {}))); }),
+  EXPECT_THAT(test::complaint([&] { static_cast<void>(summarizeRawlog(writeLog(in("no.rawlog"), {}))); }),
               HasSubstr("holds no observation"));
-  EXPECT_THAT(inputErrorOf([&] {
+  EXPECT_THAT(test::complaint([&] {
                 static_cast<void>(summarizeRawlog(write("text.rawlog", "this is no rawlog at all")));
               }),
               HasSubstr("text.rawlog: not a rawlog (no object of MRPT at its start)"));
@@ -532,7 +522,7 @@ TEST_F(SensorsTest, MissingEmptyAndGarbageLogsAreErrors) {
 TEST_F(SensorsTest, UnknownClassesAreErrors) {
   // An object of MRPT is: 0x80 + length of the name, name, version, data, 0x88.
   const std::string path = write("x.rawlog", std::string("\x87") + "CRocket" + '\0' + "\x88");
-  EXPECT_THAT(inputErrorOf([&] { static_cast<void>(summarizeRawlog(path)); }),
+  EXPECT_THAT(test::complaint([&] { static_cast<void>(summarizeRawlog(path)); }),
               AllOf(HasSubstr(path), HasSubstr("CRocket"), HasSubstr("after 0 objects")));
 }
 
@@ -546,9 +536,9 @@ TEST_F(SensorsTest, ATruncatedLogSaysWhereItEnds) {
   }
   const std::string path = writeLog(in("x.rawlog"), samples);
   fs::resize_file(path, fs::file_size(path) / 2);
-  EXPECT_THAT(inputErrorOf([&] { static_cast<void>(summarizeRawlog(path)); }),
+  EXPECT_THAT(test::complaint([&] { static_cast<void>(summarizeRawlog(path)); }),
               AllOf(HasSubstr(path), HasSubstr("truncated"), HasSubstr("objects")));
-  EXPECT_THAT(inputErrorOf([&] { static_cast<void>(readAll(path)); }), HasSubstr("truncated"));
+  EXPECT_THAT(test::complaint([&] { static_cast<void>(readAll(path)); }), HasSubstr("truncated"));
 }
 
 // ---- Messages
@@ -664,12 +654,13 @@ TEST_F(MessageReaderTest, SteeringIsJoinedToTheSpeedRightAfterIt) {
 }
 
 TEST_F(MessageReaderTest, BadLogsAreErrors) {
-  EXPECT_THAT(inputErrorOf([&] { MessageReader reader(in("none.rawlog")); }), HasSubstr("cannot be read"));
-  EXPECT_THAT(inputErrorOf([&] { MessageReader reader(write("text.rawlog", "this is no rawlog at all")); }),
-              HasSubstr("not a rawlog"));
+  EXPECT_THAT(test::complaint([&] { MessageReader reader(in("none.rawlog")); }), HasSubstr("cannot be read"));
+  EXPECT_THAT(
+      test::complaint([&] { MessageReader reader(write("text.rawlog", "this is no rawlog at all")); }),
+      HasSubstr("not a rawlog"));
   const std::string path = writeLog(in("x.rawlog"), std::vector<Sample>(500, kScan));
   fs::resize_file(path, fs::file_size(path) / 2);
-  EXPECT_THAT(inputErrorOf([&] { static_cast<void>(messagesOf(path)); }), HasSubstr("truncated"));
+  EXPECT_THAT(test::complaint([&] { static_cast<void>(messagesOf(path)); }), HasSubstr("truncated"));
 }
 
 // ---- KITTI
@@ -710,7 +701,7 @@ class KittiTest : public SensorsTest {
     return importLog(drive, in(name), kQuiet);
   }
   [[nodiscard]] std::string refused() const {
-    auto message = inputErrorOf([&] { static_cast<void>(import()); });
+    auto message = test::complaint([&] { static_cast<void>(import()); });
     EXPECT_THAT(rawlogsLeft(), IsEmpty());
     return message;
   }
@@ -953,7 +944,7 @@ TEST_F(PcdTest, DoublesBeyondTheFloatsAreLeftOut) {
 TEST_F(PcdTest, WhatIsWrongIsNamed) {
   const auto refused = [&](const std::string& text) {
     const std::string path = write("x.pcd", text);
-    auto message = inputErrorOf([&] { static_cast<void>(readPcd(path, 255)); });
+    auto message = test::complaint([&] { static_cast<void>(readPcd(path, 255)); });
     EXPECT_THAT(message, HasSubstr(path));
     return message;
   };
@@ -990,7 +981,7 @@ TEST_F(PcdTest, NamesGiveTheStamps) {
   EXPECT_THAT(stampsOf("numbers"), ElementsAre(0, 0.05));
   write("mixed/1600000000250000000.pcd", cloud);
   write("mixed/a.pcd", cloud);
-  EXPECT_THAT(inputErrorOf([&] { stampsOf("mixed"); }), AllOf(HasSubstr("a.pcd"), HasSubstr("rename")));
+  EXPECT_THAT(test::complaint([&] { stampsOf("mixed"); }), AllOf(HasSubstr("a.pcd"), HasSubstr("rename")));
 }
 
 TEST_F(PcdTest, PosesAreTheTruth) {
@@ -1018,7 +1009,7 @@ class CsvTest : public SensorsTest {
   }
   [[nodiscard]] std::string refused(const std::string& csv) const {
     write("log.csv", csv);
-    auto message = inputErrorOf([&] { static_cast<void>(importLog(source, in("x.rawlog"), kQuiet)); });
+    auto message = test::complaint([&] { static_cast<void>(importLog(source, in("x.rawlog"), kQuiet)); });
     EXPECT_THAT(rawlogsLeft(), IsEmpty());
     return message;
   }
@@ -1055,7 +1046,7 @@ TEST_F(CsvTest, WhatIsWrongIsNamed) {
   EXPECT_THAT(refused(""), HasSubstr("empty"));
   EXPECT_THAT(refused(names), HasSubstr("nothing to import"));
   fs::remove(in("log.csv"));
-  EXPECT_THAT(inputErrorOf([&] { static_cast<void>(importLog(source, in("x.rawlog"), kQuiet)); }),
+  EXPECT_THAT(test::complaint([&] { static_cast<void>(importLog(source, in("x.rawlog"), kQuiet)); }),
               AllOf(HasSubstr("log.csv"), HasSubstr("cannot be read")));
   write("map.ini", "[gps]\nfilee = log.csv\n");
   EXPECT_THAT(refused(names), HasSubstr("did you mean file?"));
@@ -1116,11 +1107,11 @@ TEST_F(SensorsTest, BadCapturesAreErrors) {
   VelodynePcap source;
   for (const std::string text : {"", "no capture"}) {
     source.path = write("x.pcap", text);
-    EXPECT_THAT(inputErrorOf([&] { static_cast<void>(importLog(source, in("x.rawlog"), kQuiet)); }),
+    EXPECT_THAT(test::complaint([&] { static_cast<void>(importLog(source, in("x.rawlog"), kQuiet)); }),
                 AllOf(HasSubstr(source.path), HasSubstr("no classic")));
   }
   source.path = in("nowhere.pcap");
-  EXPECT_THAT(inputErrorOf([&] { static_cast<void>(importLog(source, in("x.rawlog"), kQuiet)); }),
+  EXPECT_THAT(test::complaint([&] { static_cast<void>(importLog(source, in("x.rawlog"), kQuiet)); }),
               HasSubstr("cannot be read"));
   EXPECT_THAT(rawlogsLeft(), IsEmpty());
 }
