@@ -134,6 +134,20 @@ void OptionList::add(const std::string& key, std::string& member, const std::str
         [&member] { return member; }});
 }
 
+void OptionList::atMost(const std::string& key, const double& member, const std::string& limit_key,
+                        const double& limit) {
+  for (Binding& b : x_bindings)
+    if (b.key == key) b.allowed += ", at most " + limit_key;
+  x_orders.push_back({key, limit_key, &member, &limit});
+}
+
+void OptionList::requireConsistent(const std::string& where) const {
+  for (const auto& order : x_orders)
+    if (*order.member > *order.limit)
+      throw InputError(where + ": " + order.key + " = " + shortest(*order.member) +
+                       ", but it must be at most " + order.limit_key + " = " + shortest(*order.limit));
+}
+
 std::string iniText(const std::string& section, OptionList& keys) {
   std::ostringstream out;
   out << "[" << section << "]\n";
@@ -200,6 +214,7 @@ void IniFile::read(const std::string& section, OptionList& keys) {
       throw InputError("ini " + x_path + ", section [" + section + "]: " + name + " = " + value +
                        ", but it must be " + binding->allowed);
   }
+  keys.requireConsistent("ini " + x_path + ", section [" + section + "]");
 }
 
 std::vector<std::pair<std::string, std::string>> IniFile::pairs(const std::string& section) {
@@ -232,15 +247,6 @@ void IniFile::rejectUnknownSections() const {
       throw InputError("ini " + x_path + ": unknown section [" + section + "]" +
                        suggestion(section, x_known_sections));
   }
-}
-
-void requireAtMost(const std::string& section, const std::string& key, double value,
-                   const std::string& limit_key, double limit) {
-  if (value <= limit) return;
-  std::ostringstream text;
-  text << "section [" << section << "]: " << key << " = " << value << ", but it must be at most " << limit_key
-       << " = " << limit;
-  throw InputError(text.str());
 }
 
 }  // namespace raceloc

@@ -75,6 +75,12 @@ class OptionList {
           }});
   }
 
+  /** For values that only make sense together: the one of a key that is listed already is at most that of another. */
+  void atMost(const std::string& key, const double& member, const std::string& limit_key,
+              const double& limit);
+  /** \param where  begins the message \throws InputError naming both keys if values contradict each other. */
+  void requireConsistent(const std::string& where) const;
+
  private:
   friend class IniFile;
   friend std::string iniText(const std::string&, OptionList&);
@@ -83,8 +89,13 @@ class OptionList {
     std::function<bool(const std::string&)> read;  ///< false: not one of the allowed values
     std::function<std::string()> text;
   };
+  struct Order {
+    std::string key, limit_key;
+    const double *member, *limit;
+  };
   void bind(Binding binding) { x_bindings.push_back(std::move(binding)); }
   std::vector<Binding> x_bindings;
+  std::vector<Order> x_orders;
 };
 
 /** The text of a section with every key, its value, meaning and range: how `--print-ini` and the shipped
@@ -97,6 +108,14 @@ template <class Options>
   return iniText(section, keys);
 }
 
+/** For options that perhaps no file told. \throws InputError as OptionList::requireConsistent() does. */
+template <class Options>
+void requireConsistent(const std::string& section, Options options) {
+  OptionList keys;
+  options.describe(keys);
+  keys.requireConsistent("section [" + section + "]");
+}
+
 /** An ini file that is checked key by key. MRPT's syntax (`//`, `#`, `;` comments, `@define`, `$eval{}`). */
 class IniFile {
  public:
@@ -106,7 +125,7 @@ class IniFile {
 
   /** Fills `options` from `section` (absent section: defaults stay).
    * \throws InputError for an unknown key (with the nearest known one), a value that is not of the key's
-   * type, or one out of its range. */
+   * type, one out of its range, or values that contradict each other. */
   template <class Options>
   void load(const std::string& section, Options& options) {
     OptionList keys;
@@ -134,9 +153,5 @@ class IniFile {
 
 /** The known name with the fewest edits to `name`; empty if none is near. */
 [[nodiscard]] std::string nearestName(const std::string& name, const std::vector<std::string>& known);
-
-/** For values that only make sense together. \throws InputError naming both keys unless `value` is at most `limit`. */
-void requireAtMost(const std::string& section, const std::string& key, double value,
-                   const std::string& limit_key, double limit);
 
 }  // namespace raceloc

@@ -125,12 +125,14 @@ void GateOptions::describe(OptionList& keys) {
            "distance of a source: metres weighted by its covariance, or normalised innovation squared");
   keys.add("epsilon_m", epsilon_m, atLeast(0),
            "metric: up to here a source is as good as the prediction [m]");
-  keys.add("delta_m", delta_m, above(0), "metric: beyond this a source is rejected [m], not below epsilon_m");
+  keys.add("delta_m", delta_m, above(0), "metric: beyond this a source is rejected [m]");
   keys.add("epsilon_false_alarm", epsilon_false_alarm, between(1e-9, 1),
            "chi2: share of sound measurements beyond epsilon");
   keys.add("delta_false_alarm", delta_false_alarm, between(1e-9, 1),
-           "chi2: share of sound measurements rejected, not above epsilon_false_alarm");
+           "chi2: share of sound measurements rejected");
   keys.add("primary_order", primary_order, "labels or patterns of sources, the one to prefer first");
+  keys.atMost("epsilon_m", epsilon_m, "delta_m", delta_m);
+  keys.atMost("delta_false_alarm", delta_false_alarm, "epsilon_false_alarm", epsilon_false_alarm);
 }
 
 std::vector<double> blendWeights(const std::vector<double>& deltas) {

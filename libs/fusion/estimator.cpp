@@ -58,7 +58,7 @@ Estimator::Estimator(const EstimatorOptions& options)
     : x_options(options),
       x_confirm_limit(chiSquareLimit(options.reliability.confirm_false_alarm, 2)),
       x_filter({Eigen::Vector4d::Zero(), Eigen::Matrix4d::Identity()}, options.fusion, options.gate) {
-  requireAtMost("recovery", "agree_s", options.recovery.agree_s, "leap_s", options.recovery.leap_s);
+  requireConsistent("recovery", options.recovery);
 }
 
 void Estimator::advance(EstimatorState& state, const Control& rates, double to_s) {

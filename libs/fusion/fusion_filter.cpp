@@ -50,9 +50,7 @@ FusionFilter::FusionFilter(const CarState& start, const FusionOptions& options,
                            const GateOptions& gate_options)
     : x_options(options), x_gate_options(gate_options) {
   requireSound(start);
-  requireAtMost("gate", "epsilon_m", gate_options.epsilon_m, "delta_m", gate_options.delta_m);
-  requireAtMost("gate", "delta_false_alarm", gate_options.delta_false_alarm, "epsilon_false_alarm",
-                gate_options.epsilon_false_alarm);
+  requireConsistent("gate", gate_options);
   KF_options.method = mrpt::bayes::kfEKFNaive;
   m_xkk.resize(4);
   m_pkk.setSize(4, 4);

@@ -14,7 +14,7 @@ void RecoveryOptions::describe(OptionList& keys) {
   keys.add(
       "leap_s", leap_s, atLeast(0),
       "the same where both had gone away from the estimate in one leap: receivers of one faulty correction "
-      "service do, cars do not; at least agree_s [s]");
+      "service do, cars do not [s]");
   keys.add("alone_s", alone_s, atLeast(0),
            "when no source has confirmed the estimate for this long, it is dead reckoning; before, there is "
            "no reset [s]");
@@ -22,6 +22,7 @@ void RecoveryOptions::describe(OptionList& keys) {
            "share of the way since a source last confirmed the estimate, by which dead reckoning may be off: "
            "widens "
            "the protection levels; until a source confirms again, fixes farther off are not heard");
+  keys.atMost("agree_s", agree_s, "leap_s", leap_s);
 }
 
 std::optional<TwoKeys> twoKeys(const std::vector<SourceRecord>& records, double stamp_s,

@@ -32,17 +32,17 @@ void GuardOptions::describe(OptionList& keys) {
   keys.add("emergency_distance_m", emergency_distance_m, between(0, 10),
            "a wheel that is nearer to a wall and nears it, or will be so ... [m]");
   keys.add("emergency_time_s", emergency_time_s, between(0, 10), "... within this time: emergency [s]");
-  keys.add(
-      "clear_distance_m", clear_distance_m, between(0, 10),
-      "an emergency ends when the wheels are so far from the wall, at least emergency_distance_m, ... [m]");
-  keys.add("clear_time_s", clear_time_s, between(0, 10),
-           "... and will not come near it for so long, at least emergency_time_s, ... [s]");
+  keys.add("clear_distance_m", clear_distance_m, between(0, 10),
+           "an emergency ends when the wheels are so far from the wall ... [m]");
+  keys.add("clear_time_s", clear_time_s, between(0, 10), "... and will not come near it for so long ... [s]");
   keys.add("clear_s", clear_s, between(0, 10), "... and both have been so for this time [s]");
   keys.add("wheelbase_m", wheelbase_m, between(0.5, 10), "from the rear to the front axle [m]");
   keys.add("half_width_m", half_width_m, between(0.1, 3), "from the middle to the wheels' outer faces [m]");
   keys.add("handover_deg_per_s", handover_deg_per_s, above(0),
            "of steering, by which a change of who steers may show [deg/s]");
   keys.add("emergency_deg_per_s", emergency_deg_per_s, above(0), "the same into an emergency [deg/s]");
+  keys.atMost("emergency_distance_m", emergency_distance_m, "clear_distance_m", clear_distance_m);
+  keys.atMost("emergency_time_s", emergency_time_s, "clear_time_s", clear_time_s);
 }
 
 namespace {
@@ -110,10 +110,8 @@ Clearance clearanceOf(const WallScan& walls, const Path& tracked, double speed_m
 }
 
 Guard::Guard(const GuardOptions& options, const WallPathOptions& path) : x_options(options), x_path(path) {
-  requireAtMost("guard", "emergency_distance_m", options.emergency_distance_m, "clear_distance_m",
-                options.clear_distance_m);
-  requireAtMost("guard", "emergency_time_s", options.emergency_time_s, "clear_time_s", options.clear_time_s);
-  requireAtMost("wall_path", "least_gap_m", path.least_gap_m, "gap_m", path.gap_m);
+  requireConsistent("guard", options);
+  requireConsistent("wall_path", path);
 }
 
 bool Guard::lastsFor(bool is_so, double wanted_s, std::optional<double>& since_s) const {

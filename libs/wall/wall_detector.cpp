@@ -88,6 +88,7 @@ void WallOptions::describe(OptionList& keys) {
            "direction of a wall against the car's; what turns farther off is no wall [deg]");
   keys.add("min_radius_m", min_radius_m, between(5, 1000), "what bends more sharply is no wall: radius [m]");
   keys.add("keep_s", keep_s, between(0, 10), "a wall is remembered so long after it was seen [s]");
+  keys.atMost("min_spread_m", min_spread_m, "reach_m", reach_m);
 }
 
 gpu::StandingOptions WallOptions::forKernels() const {
@@ -109,7 +110,7 @@ ScanVerdict verdictOn(const Cloud& cloud) {
 
 WallDetector::WallDetector(gpu::Context& context, const WallOptions& options)
     : x_context(context), x_options(options), x_fit(std::make_unique<WallFit>(options)) {
-  requireAtMost("wall", "min_spread_m", options.min_spread_m, "reach_m", options.reach_m);
+  requireConsistent("wall", options);
 }
 WallDetector::~WallDetector() = default;
 

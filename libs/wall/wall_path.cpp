@@ -77,14 +77,14 @@ Path arcPath(double curvature_per_m, double length_m) {
 void WallPathOptions::describe(OptionList& keys) {
   keys.add("gap_m", gap_m, between(0.5, 50), "from the wall to the rear axle's centre [m]");
   keys.add("least_gap_m", least_gap_m, between(0, 50),
-           "on the way to gap_m the path does not come nearer to the wall than this, or than the car is, at "
-           "most gap_m [m]");
+           "on the way to gap_m the path does not come nearer to the wall than this, or than the car is [m]");
   keys.add("step_m", step_m, between(0.1, 10), "between the points of the path [m]");
   keys.add("horizon_s", horizon_s, between(0.1, 10), "length of the path at the present speed [s] ...");
   keys.add("min_length_m", min_length_m, between(1, 200), "... and at least [m]");
   keys.add("lateral_limit_mps2", lateral_limit_mps2, above(0), "largest curvature times v^2 [m/s^2]");
   keys.add("shift_limit_mps2", shift_limit_mps2, above(0), "part of it that leads to the gap [m/s^2]");
   keys.add("shift_limit_mps3", shift_limit_mps3, above(0), "and its rate, times v^3 [m/s^3]");
+  keys.atMost("least_gap_m", least_gap_m, "gap_m", gap_m);
 }
 
 WallPath planAlong(const Wall& wall, double gap_m, double speed_mps, double curvature_per_m,

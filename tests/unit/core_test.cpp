@@ -194,6 +194,34 @@ TEST(Options, UnknownKeySuggestsTheNearest) {
               HasSubstr("(known: voxel_size_m, share, max_iterations, gated, kernel, label)"));
 }
 
+TEST(Options, ValuesThatContradictEachOtherAreRefused) {
+  struct Levels {
+    double alarm_s = 1, all_clear_s = 2;
+    void describe(OptionList& keys) {
+      keys.add("alarm_s", alarm_s, atLeast(0), "of the alarm [s]");
+      keys.add("all_clear_s", all_clear_s, atLeast(0), "of its end [s]");
+      keys.atMost("alarm_s", alarm_s, "all_clear_s", all_clear_s);
+    }
+  };
+  const TemporaryFolder folder;
+  const auto refusal = [&](const std::string& text) {
+    return complaint([&] {
+      IniFile ini(written(folder, "a.ini", text));
+      Levels levels;
+      ini.load("levels", levels);
+    });
+  };
+  const std::string what = "section [levels]: alarm_s = 3, but it must be at most all_clear_s = 2";
+  EXPECT_EQ(refusal("[levels]\nalarm_s = 3\n"), "ini " + (folder / "a.ini") + ", " + what);
+  Levels levels;
+  requireConsistent("levels", levels);
+  levels.alarm_s = 2;
+  requireConsistent("levels", levels);  // the limit itself is inside
+  levels.alarm_s = 3;
+  EXPECT_EQ(complaint([&] { requireConsistent("levels", levels); }), what);
+  EXPECT_THAT(iniText("levels", levels), HasSubstr("of the alarm [s]; >= 0, at most all_clear_s\n"));
+}
+
 class BadValue : public ::testing::TestWithParam<std::pair<std::string, std::string>> {};
 
 TEST_P(BadValue, NamesKeyValueAndWhatIsAllowed) {
