@@ -79,19 +79,15 @@ std::vector<Pair> pairsOf(const CompareArgs& args) {
 }
 
 nlohmann::ordered_json jsonOf(const std::string& name, const Comparison& c) {
-  nlohmann::ordered_json json{{"name", name},
-                              {"a", c.a_path},
-                              {"b", c.b_path},
-                              {"first_s", c.first_s},
-                              {"last_s", c.last_s},
-                              {"blocks", c.blocks},
-                              {"block_s", c.block_s},
-                              {"correlation", c.correlation},
-                              {"resamples", c.options.resamples},
+  nlohmann::ordered_json json{{"name", name},          {"a", c.a_path},
+                              {"b", c.b_path},         {"first_s", c.first_s},
+                              {"last_s", c.last_s},    {"blocks", c.blocks},
+                              {"block_s", c.block_s},  {"resamples", c.options.resamples},
                               {"seed", c.options.seed}};
   for (const Difference& d : c.differences) {
     auto& row = json["rmse"][d.column];
-    row = {{"a", d.a_rmse}, {"b", d.b_rmse}, {"a_less_b", d.a_rmse - d.b_rmse}};
+    row = {
+        {"a", d.a_rmse}, {"b", d.b_rmse}, {"a_less_b", d.a_rmse - d.b_rmse}, {"correlation", d.correlation}};
     if (d.significance)
       row.update({{"low", d.significance->low}, {"high", d.significance->high}, {"p", d.significance->p}});
   }

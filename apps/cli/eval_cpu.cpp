@@ -58,8 +58,12 @@ void print(const CpuArgs& args, const ProcessUsage& u, long threads) {
   if (args.recorded_s)
     std::fprintf(stderr, "; %.4f a recorded second, %.1f s recorded", u.cpu_s() / *args.recorded_s,
                  *args.recorded_s);
-  std::fprintf(stderr, "\nmemory           peak %.1f MiB; %+.1f MiB over the second half of the run: %s\n",
-               u.peak_rss_MiB, u.rss_growth_MiB, u.isFlat() ? "flat" : "GROWING");
+  std::fprintf(stderr, "\nmemory           peak %.1f MiB; ", u.peak_rss_MiB);
+  if (u.rss_growth_MiB)
+    std::fprintf(stderr, "%+.1f MiB over the second half of the run: %s\n", *u.rss_growth_MiB,
+                 *u.isFlat() ? "flat" : "GROWING");
+  else
+    std::fprintf(stderr, "too short to tell whether it grows\n");
 }
 
 std::string json(const CpuArgs& args, const ProcessUsage& u, long threads) {
@@ -82,8 +86,10 @@ std::string json(const CpuArgs& args, const ProcessUsage& u, long threads) {
     json["core_s_per_recorded_s"] = u.cpu_s() / *args.recorded_s;
   }
   json["peak_rss_MiB"] = u.peak_rss_MiB;
-  json["rss_growth_second_half_MiB"] = u.rss_growth_MiB;
-  json["rss_is_flat"] = u.isFlat();
+  if (u.rss_growth_MiB) {
+    json["rss_growth_second_half_MiB"] = *u.rss_growth_MiB;
+    json["rss_is_flat"] = *u.isFlat();
+  }
   json["period_s"] = args.period_s;
   json["periods"] = u.periods;
   json["samples"] = ordered_json::array();

@@ -9,19 +9,23 @@ namespace raceloc {
 
 namespace {
 
-double growthOverSecondHalf_MiB(const std::vector<UsageSample>& samples) {
+std::optional<double> growthOverSecondHalf_MiB(const std::vector<UsageSample>& samples) {
   const auto medianOf = [&](std::size_t from, std::size_t to) {
     std::vector<double> values_MiB;
     for (std::size_t i = from; i < to; ++i) values_MiB.push_back(samples[i].rss_MiB);
     return quantile(std::move(values_MiB), 0.5);
   };
   const std::size_t n = samples.size();
-  return n < 8 ? 0 : 2 * (medianOf(3 * n / 4, n) - medianOf(n / 2, 3 * n / 4));
+  if (n < 8) return std::nullopt;
+  return 2 * (medianOf(3 * n / 4, n) - medianOf(n / 2, 3 * n / 4));
 }
 
 }  // namespace
 
-bool ProcessUsage::isFlat() const { return rss_growth_MiB < std::max(1.0, 0.02 * peak_rss_MiB); }
+std::optional<bool> ProcessUsage::isFlat() const {
+  if (!rss_growth_MiB) return std::nullopt;
+  return *rss_growth_MiB < std::max(1.0, 0.02 * peak_rss_MiB);
+}
 
 void UsageLog::add(double end_s, const TreeReading& now) {
   const double cpu_s = std::max(now.cpu_s, x_cpu_s);  // a child that ended may be between two parents

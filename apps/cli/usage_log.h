@@ -4,6 +4,7 @@
 
 #include <cmath>
 #include <cstddef>
+#include <optional>
 #include <vector>
 
 namespace raceloc {
@@ -21,17 +22,19 @@ struct ProcessUsage {
   double cores_mean;                ///< over the whole run
   double cores_max, cores_min;      ///< of whole periods; of a run shorter than two, the mean
   std::size_t periods;              ///< whole ones
-  double peak_rss_MiB;              ///< of the largest process, or of all together when a sample saw more
+  /** Of the largest process, or of all together when a sample saw more; at least what the measuring process held when it
+   * started the command, some 7 MiB: Linux counts that in. */
+  double peak_rss_MiB;
   /** Change over the second half of the run: twice that between the medians of its quarters, so that what a program frees
-   * before it ends does not hide it; 0 for fewer than 8 samples. */
-  double rss_growth_MiB;
+   * before it ends does not hide it; none for fewer than 8 samples. */
+  std::optional<double> rss_growth_MiB;
   std::vector<UsageSample>
       samples;  ///< at most kMostSamples: of a long run, longer periods with the largest memory
 
   static constexpr std::size_t kMostSamples = 1200;
   [[nodiscard]] double cpu_s() const { return user_s + system_s; }  ///< core-seconds
-  /** Grows over the second half by less than 1 MiB or 2 % of the peak. */
-  [[nodiscard]] bool isFlat() const;
+  /** Grows over the second half by less than 1 MiB or 2 % of the peak; none if that is not known. */
+  [[nodiscard]] std::optional<bool> isFlat() const;
 };
 
 /** What all processes of a command have used and hold at an instant. */

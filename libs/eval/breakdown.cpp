@@ -2,9 +2,10 @@
 
 #include <algorithm>
 #include <cmath>
-#include <cstdio>
 #include <map>
 #include <utility>
+
+#include "eval/format.h"
 
 namespace raceloc {
 
@@ -13,12 +14,6 @@ namespace {
 constexpr double kNear_m = 15;  // wider than a track, narrower than two of its straights are apart
 constexpr double kAway_m = 50;
 constexpr double kSameWay_rad = 45 * kDegree;
-
-std::string format(const char* pattern, double a, double b) {
-  char text[96];
-  std::snprintf(text, sizeof text, pattern, a, b);
-  return text;
-}
 
 /** Sums first, roots at the end. */
 class Gathered {

@@ -39,6 +39,7 @@ struct CompareOptions {
 struct Difference {
   const char* column;     ///< of kCompared
   double a_rmse, b_rmse;  ///< each block weighs the same
+  double correlation;     ///< of the blocks' differences from one block to the next
   /** Of a_rmse - b_rmse, with the probability that chance alone makes a difference as large; none for fewer than
    * kFewestBlocks blocks. */
   struct Significance {
@@ -56,7 +57,6 @@ struct Comparison {
   double first_s, last_s;               ///< the time that both have
   std::size_t blocks;                   ///< with poses of both
   double block_s;                       ///< as it came out: the time is cut evenly
-  double correlation;                   ///< of the plane's differences from one block to the next
   std::vector<Difference> differences;  ///< one for each of kCompared
   std::vector<std::string> warnings;
 };
@@ -65,8 +65,10 @@ struct Comparison {
  * longer than errors remember. The common time is cut into equal blocks; each gives a mean squared error of A and one of B.
  * Interval: blocks are drawn with replacement, A's and B's together (block bootstrap, percentiles 2.5 and 97.5).
  * p: in each block A and B change places by a coin (randomization test of paired samples, two-sided); p = (1 + number of
- * draws with a difference at least as large) / (1 + draws). Warns if the differences of neighbouring blocks correlate.
- * \throws InputError if the runs have no time in common, or not one truth where they have stamps in common (to 5 cm).
+ * draws with a difference at least as large) / (1 + draws). Warns if the differences of neighbouring blocks correlate in
+ * some direction, and if no truth could be checked.
+ * \throws InputError if the runs have no time in common, or not one truth (to 5 cm; where B has poses at 10 Hz or more), or
+ * for more than 2e9 blocks to be drawn.
  * Source: Carlstein, Ann. Statist. 1986 (non-overlapping blocks); Kunsch, Ann. Statist. 1989; Edgington and Onghena,
  * Randomization Tests, 2007. */
 [[nodiscard]] Comparison compare(const ErrorSeries& a, const ErrorSeries& b, const CompareOptions& options);

@@ -19,19 +19,19 @@ std::string verdictOf(const Difference& d) {
 }  // namespace
 
 Table tableOf(const Comparison& c, const std::string& title) {
-  Table table{title,
-              {"rmse of", "A", "B", "A - B", "95 % interval", "p", "verdict"},
-              {},
-              format("%zu blocks of %.1f s; interval: block bootstrap, p: A and B swapped block by block, %d "
-                     "draws, seed "
-                     "%llu; neighbouring blocks correlate by %.2f; p is of each row by itself",
-                     c.blocks, c.block_s, c.options.resamples,
-                     static_cast<unsigned long long>(c.options.seed), c.correlation)};
+  Table table{
+      title,
+      {"rmse of", "A", "B", "A - B", "95 % interval", "p", "blocks correlate", "verdict"},
+      {},
+      format("%zu blocks of %.1f s; interval: block bootstrap, p: A and B swapped block by block, %d "
+             "draws, seed %llu; p is of each row by itself",
+             c.blocks, c.block_s, c.options.resamples, static_cast<unsigned long long>(c.options.seed))};
   for (const Difference& d : c.differences) {
     table.rows.push_back(
         {d.column, format("%.4f", d.a_rmse), format("%.4f", d.b_rmse), format("%+.4f", d.a_rmse - d.b_rmse),
          d.significance ? format("%+.4f .. %+.4f", d.significance->low, d.significance->high) : "-",
-         d.significance ? format("%.4f", d.significance->p) : "-", verdictOf(d)});
+         d.significance ? format("%.4f", d.significance->p) : "-", format("%.2f", d.correlation),
+         verdictOf(d)});
   }
   return table;
 }

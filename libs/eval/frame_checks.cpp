@@ -1,17 +1,12 @@
 #include "eval/frame_checks.h"
 
 #include <cmath>
-#include <cstdio>
+
+#include "eval/format.h"
 
 namespace raceloc {
 
 namespace {
-
-std::string format(const char* pattern, double a, double b = 0, double c = 0) {
-  char text[256];
-  std::snprintf(text, sizeof text, pattern, a, b, c);
-  return text;
-}
 
 /** Mean of angles, if they agree to about 15 deg. */
 std::optional<double> commonAngle_deg(const std::vector<double>& angles_deg) {

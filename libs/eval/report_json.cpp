@@ -46,13 +46,14 @@ void addRun(ordered_json& json, const RunTables& run) {
                          {"heading", counts(run.stanford->heading_deg)}};
   for (const std::string& source : sourcesOf(run.decisions)) {
     const SourceFigures f = sourceFigures(run.decisions, source);
-    json["gate"].push_back({{"source", source},
-                            {"decisions", f.decisions},
-                            {"accepted", f.accepted},
-                            {"innovation_along_mean_m", f.mean_along_m},
-                            {"innovation_across_mean_m", f.mean_across_m},
-                            {"innovation_rms_m", f.rms_m},
-                            {"nis_mean", f.mean_nis}});
+    ordered_json figures{{"source", source}, {"decisions", f.decisions}, {"accepted", f.accepted}};
+    if (f.innovation) {
+      figures["innovation_along_mean_m"] = f.innovation->mean_along_m;
+      figures["innovation_across_mean_m"] = f.innovation->mean_across_m;
+      figures["innovation_rms_m"] = f.innovation->rms_m;
+      figures["nis_mean"] = f.innovation->mean_nis;
+    }
+    json["gate"].push_back(std::move(figures));
   }
   if (run.latency.empty()) return;
   const LatencyFigures f = latencyFigures(run.latency);

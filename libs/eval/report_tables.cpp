@@ -133,11 +133,17 @@ Table gateTable(const std::vector<DecisionLine>& lines) {
       "claims"};
   for (const std::string& source : sourcesOf(lines)) {
     const SourceFigures f = sourceFigures(lines, source);
-    table.rows.push_back(
-        {source, std::to_string(f.decisions), std::to_string(f.accepted),
-         format("%.1f", 100 * static_cast<double>(f.accepted) / static_cast<double>(f.decisions)),
-         format("%.3f", f.mean_along_m), format("%.3f", f.mean_across_m), format("%.3f", f.rms_m),
-         format("%.2f", f.mean_nis)});
+    std::vector<std::string> row{
+        source, std::to_string(f.decisions), std::to_string(f.accepted),
+        format("%.1f", 100 * static_cast<double>(f.accepted) / static_cast<double>(f.decisions))};
+    if (f.innovation) {
+      const auto& [along_m, across_m, rms_m, nis] = *f.innovation;
+      row.insert(row.end(), {format("%.3f", along_m), format("%.3f", across_m), format("%.3f", rms_m),
+                             format("%.2f", nis)});
+    } else {
+      row.insert(row.end(), 4, "-");
+    }
+    table.rows.push_back(std::move(row));
   }
   return table;
 }

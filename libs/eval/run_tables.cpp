@@ -113,23 +113,21 @@ std::vector<std::string> sourcesOf(const std::vector<DecisionLine>& lines) {
 }
 
 SourceFigures sourceFigures(const std::vector<DecisionLine>& lines, const std::string& source) {
-  SourceFigures f{source, 0, 0, 0, 0, 0, 0};
-  double squares_m2 = 0;
+  SourceFigures f{source, 0, 0, std::nullopt};
+  SourceFigures::Innovation sum{};
   for (const DecisionLine& line : lines) {
     if (line.source != source) continue;
     ++f.decisions;
     if (!line.accepted) continue;
     ++f.accepted;
-    f.mean_along_m += line.innovation_along_m;
-    f.mean_across_m += line.innovation_across_m;
-    f.mean_nis += line.nis;
-    squares_m2 += std::pow(line.innovation_along_m, 2) + std::pow(line.innovation_across_m, 2);
+    sum.mean_along_m += line.innovation_along_m;
+    sum.mean_across_m += line.innovation_across_m;
+    sum.mean_nis += line.nis;
+    sum.rms_m += std::pow(line.innovation_along_m, 2) + std::pow(line.innovation_across_m, 2);
   }
-  const double n = std::max(1.0, static_cast<double>(f.accepted));
-  f.mean_along_m /= n;
-  f.mean_across_m /= n;
-  f.mean_nis /= n;
-  f.rms_m = std::sqrt(squares_m2 / n);
+  if (f.accepted == 0) return f;
+  const auto n = static_cast<double>(f.accepted);
+  f.innovation = {sum.mean_along_m / n, sum.mean_across_m / n, std::sqrt(sum.rms_m / n), sum.mean_nis / n};
   return f;
 }
 

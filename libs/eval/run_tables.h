@@ -76,7 +76,10 @@ struct Stanford {
 struct SourceFigures {
   std::string source;
   std::size_t decisions, accepted;
-  double mean_along_m, mean_across_m, rms_m, mean_nis;  ///< 0 if none was accepted
+  struct Innovation {
+    double mean_along_m, mean_across_m, rms_m, mean_nis;
+  };
+  std::optional<Innovation> innovation;  ///< of what was accepted; none if nothing was
 };
 [[nodiscard]] SourceFigures sourceFigures(const std::vector<DecisionLine>& lines, const std::string& source);
 

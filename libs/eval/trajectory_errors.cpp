@@ -2,12 +2,12 @@
 
 #include <algorithm>
 #include <cmath>
-#include <cstdio>
 #include <filesystem>
 #include <system_error>
 #include <utility>
 
 #include "core/errors.h"
+#include "eval/format.h"
 #include "eval/frame_checks.h"
 
 namespace raceloc {
@@ -16,12 +16,6 @@ namespace {
 
 constexpr double kMinMatchShare = 0.5;
 constexpr double kStampResolution_s = 1e-6;  // of the files
-
-std::string format(const char* pattern, double a, double b = 0, double c = 0) {
-  char text[256];
-  std::snprintf(text, sizeof text, pattern, a, b, c);
-  return text;
-}
 
 std::string span(const std::vector<StampedPose>& poses) {
   return format("%.3f .. %.3f s", poses.front().stamp_s, poses.back().stamp_s);

@@ -272,13 +272,20 @@ TEST(UsageLog, GrowthIsToldFromAFlatRun) {
     return usage;
   };
   const ProcessUsage leaking = of([](int i) { return 100 + 0.1 * i; });
-  EXPECT_NEAR(leaking.rss_growth_MiB, 20, 0.5);  // 200 s of 0.1 MiB/s
-  EXPECT_FALSE(leaking.isFlat());
+  EXPECT_NEAR(leaking.rss_growth_MiB.value(), 20, 0.5);  // 200 s of 0.1 MiB/s
+  EXPECT_EQ(leaking.isFlat(), false);
   const ProcessUsage warm = of([](int i) {
     return i < 150 ? i : i < 400 ? 150 : 20;
   });  // frees all before it ends
   EXPECT_EQ(warm.rss_growth_MiB, 0);
-  EXPECT_TRUE(warm.isFlat());
+  EXPECT_EQ(warm.isFlat(), true);
+
+  UsageLog shorter;
+  for (int i = 1; i < 8; ++i) shorter.add(i, {0.1 * i, 100.0 * i});
+  ProcessUsage unknown{};
+  shorter.fill(unknown);
+  EXPECT_EQ(unknown.rss_growth_MiB, std::nullopt);
+  EXPECT_EQ(unknown.isFlat(), std::nullopt);
 }
 
 }  // namespace

@@ -16,6 +16,7 @@ namespace raceloc::test {
 namespace {
 
 using ::testing::AllOf;
+using ::testing::Contains;
 using ::testing::HasSubstr;
 using ::testing::IsEmpty;
 using ::testing::SizeIs;
@@ -62,8 +63,33 @@ TEST(Compare, RmseAndDifferenceByHand) {
   ASSERT_TRUE(ten.differences[0].significance);
   // Five blocks of ten differ, all one way: all of them swapped or none is as large, 2 of 32.
   EXPECT_NEAR(ten.differences[0].significance->p, 2.0 / 32, 0.01);
-  EXPECT_LT(ten.differences[0].significance->low, 0.1 - std::sqrt(0.05));
-  EXPECT_GE(ten.differences[0].significance->high, 0.1 - std::sqrt(0.09) + 0.05);
+  // Of ten blocks that are drawn, two to eight are of 0.3 m in 95 % of the draws, B(10, 1/2), and the others of 0.1 m.
+  EXPECT_NEAR(ten.differences[0].significance->low, 0.1 - std::sqrt((8 * 0.09 + 2 * 0.01) / 10), 2e-3);
+  EXPECT_NEAR(ten.differences[0].significance->high, 0.1 - std::sqrt((2 * 0.09 + 8 * 0.01) / 10), 2e-3);
+}
+
+TEST(Compare, TruthsAreLookedUpBetweenStamps) {
+  const auto zero = [](double) { return 0.0; };
+  ErrorSeries shifted = series("b", 100, zero);
+  for (double& stamp_s : shifted.stamp_s)
+    stamp_s += 0.03;  // other instants of another drive, 0.3 m behind on the same straight
+  EXPECT_THAT(complaint([&] { (void)compare(series("a", 100, zero), shifted, {}); }),
+              HasSubstr("0.30 m apart"));
+  for (double& x_m : shifted.truth_x_m) x_m += 0.3;  // of this drive
+  EXPECT_THAT(compare(series("a", 100, zero), shifted, {}).warnings, IsEmpty());
+
+  ErrorSeries sparse = series("b", 100, zero);
+  for (std::size_t i = 0; i < sparse.stamp_s.size(); ++i) sparse.stamp_s[i] *= 2;
+  EXPECT_THAT(compare(series("a", 100, zero), sparse, {}).warnings, Contains(HasSubstr("is not known")));
+}
+
+TEST(Compare, OfFarTooManyDrawsIsRefused) {
+  CompareOptions options;
+  options.block_s = 0.01;
+  options.resamples = 1000000;
+  const auto zero = [](double) { return 0.0; };
+  EXPECT_THAT(complaint([&] { (void)compare(series("a", 100, zero), series("b", 100, zero), options); }),
+              AllOf(HasSubstr("--block"), HasSubstr("--resamples")));
 }
 
 TEST(Compare, OfOneRunWithItselfIsChance) {

@@ -113,12 +113,16 @@ std::vector<DecisionLine> someDecisions() {
 TEST(SourceFigure, AreOfAcceptedFixesOfThatSource) {
   const SourceFigures f = sourceFigures(someDecisions(), "gps");
   EXPECT_EQ(f.decisions, 3U);
-  EXPECT_EQ(f.accepted, 2U);
-  EXPECT_NEAR(f.mean_along_m, 0, 1e-12);
-  EXPECT_NEAR(f.mean_across_m, 0.2, 1e-12);
-  EXPECT_NEAR(f.rms_m, std::sqrt((0.25 + 0.09) / 2), 1e-12);
-  EXPECT_NEAR(f.mean_nis, 3, 1e-12);
+  ASSERT_EQ(f.accepted, 2U);
+  EXPECT_NEAR(f.innovation->mean_along_m, 0, 1e-12);
+  EXPECT_NEAR(f.innovation->mean_across_m, 0.2, 1e-12);
+  EXPECT_NEAR(f.innovation->rms_m, std::sqrt((0.25 + 0.09) / 2), 1e-12);
+  EXPECT_NEAR(f.innovation->mean_nis, 3, 1e-12);
   EXPECT_THAT(sourcesOf(someDecisions()), ElementsAre("gps", "scan"));
+
+  const SourceFigures refused = sourceFigures({{1, 3, 4, 900, false, "gps"}}, "gps");
+  EXPECT_EQ(refused.decisions, 1U);
+  EXPECT_FALSE(refused.innovation);
 }
 
 TEST(Latency, FiguresByHand) {
