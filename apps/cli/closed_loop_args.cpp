@@ -162,6 +162,9 @@ std::optional<ClosedLoopArgs> parseClosedLoop(std::vector<std::string> words) {
   for (const auto* other : {&fail_for, &faults, &drift, &gap})
     if (shift.isSet() && other->isSet())
       throw InputError("--shift: one experiment at a time, without --" + other->getName());
+  for (const auto* other : {&fail_for, &drift})
+    if (faults.isSet() && other->isSet())
+      throw InputError("--faults: what the file says goes wrong, without --" + other->getName());
   return args;
 }
 
@@ -197,10 +200,9 @@ void runClosedLoop(const ClosedLoopArgs& args) {
       auto devices = car.devices();
       devices.push_back({kMatchLabel, "gps"});
       requireDevices(options.faults, args.faults_path, devices);
-      for (const auto& fault : options.faults) {
-        until_s = std::max(until_s, fault.to_s);
-        spans.push_back({fault.from_s, fault.to_s, nameOf(fault.kind)});
-      }
+      for (const auto& fault : options.faults) until_s = std::max({until_s, fault.from_s, fault.to_s});
+      for (const auto& fault : options.faults)
+        spans.push_back({fault.from_s, std::min(fault.end_s(), until_s + kAfter_s), nameOf(fault.kind)});
     }
     options.duration_s = until_s + kAfter_s;
   }

@@ -12,6 +12,7 @@ namespace raceloc {
 
 /** Section [history]. */
 struct HistoryOptions {
+  static constexpr double kLongestLag_s = 10, kLongestGroup_s = 0.5;
   double lag_s = 1;
   double group_s = 0.04;
   void describe(OptionList& keys);

@@ -107,7 +107,7 @@ struct LocalizerOutput {
   /** All of them, in the order in which they were made, each add() after the other (FusionHistory::made()): what comes late
    * makes decisions anew. */
   std::vector<std::vector<DatedDecision>> decisions;
-  std::optional<ScanMatch> scan_match;  ///< likewise
+  std::optional<ScanMatch> scan_match;  ///< the newest since the last output
   std::optional<WallReport> walls;      ///< likewise
 };
 

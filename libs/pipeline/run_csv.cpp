@@ -50,7 +50,7 @@ DecisionCsv::DecisionCsv(const std::string& path)
              "weight,nis,inflation,confirms,left,source") {}
 
 void DecisionCsv::write(const LocalizerOutput& output) {
-  constexpr double kSettled_s = 11;  // the longest lag that HistoryOptions allows, and a group
+  constexpr double kSettled_s = HistoryOptions::kLongestLag_s + 2 * HistoryOptions::kLongestGroup_s;
   for (const auto& made : output.decisions) {
     while (!x_pending.empty() && x_pending.back().begin_s >= made.front().begin_s) x_pending.pop_back();
     x_pending.insert(x_pending.end(), made.begin(), made.end());
@@ -64,7 +64,7 @@ void DecisionCsv::writeBefore(double stamp_s) {
     const GateDecision& decision = dated.decision;
     for (const SourceVerdict& v : decision.sources) {
       char line[300];
-      std::snprintf(line, sizeof line, "%.6f,%d,%d,%d,%.4f,%.4f,%d,%.6g,%.6g,%.6g,%.6g,%.6g,%.6g,%d,%d,",
+      std::snprintf(line, sizeof line, "%.6f,%d,%d,%d,%.6g,%.6g,%d,%.6g,%.6g,%.6g,%.6g,%.6g,%.6g,%d,%d,",
                     dated.stamp_s, static_cast<int>(decision.rule), decision.alarm ? 1 : 0,
                     decision.reset ? 1 : 0, v.innovation_body_m.x(), v.innovation_body_m.y(),
                     v.accepted ? 1 : 0, v.delta, v.limit, v.p_theta, v.weight, v.nis, v.inflation,

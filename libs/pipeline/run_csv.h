@@ -55,7 +55,7 @@ class DecisionCsv : public RunCsv {
   std::deque<DatedDecision> x_pending;
 };
 
-/** A line a sweep: stamp of its end, and the wall time [s] from its last point to its pose, preparation and match. No two
+/** A line a match that an output carries: stamp of its end of sweep, and the wall time [s] from its last point to its pose, preparation and match. No two
  * runs share it. */
 class LatencyCsv : public RunCsv {
  public:

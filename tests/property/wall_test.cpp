@@ -59,6 +59,48 @@ TEST(WallProperty, IsWhereItWasPut) {
   });
 }
 
+TEST(WallProperty, WhatComesIsNotBentByWhatIsPassed) {
+  // Straight behind the car and a turn of 150 m ahead: no parabola is both.
+  const Eigen::Vector3d straight(-6, 0, 0), turn(-6, 0, 1 / 300.0);
+  forAll(10, [&](Random& rnd) {
+    Cloud cloud;
+    addGround(cloud, rnd, 30);
+    addWall(cloud, rnd, straight, -40, 0);
+    addWall(cloud, rnd, turn, 0, 40);
+    const WallScan seen = seenIn(cloud);
+    ASSERT_TRUE(seen.right);
+    ASSERT_TRUE(seen.right->beta_ahead);
+    EXPECT_FALSE(seen.right->is_passed);
+    const Wall wall = ahead(*seen.right);
+    for (const double x_m : {5.0, 20.0})  // the bend's noise grows with the square of x
+      EXPECT_NEAR(wall.y_m(x_m), turn[0] + turn[2] * x_m * x_m, kSeen_m + kSeen_per_m * x_m * x_m) << x_m;
+
+    // One second on, the same wall: its curve ahead moves as the wall does.
+    const Pose T_last_now(Eigen::Translation3d(10, 0, 0));
+    const Wall later = ahead(moved(*seen.right, T_last_now, 0.2));
+    EXPECT_NEAR(later.y_m(5), wall.y_m(15), 1e-9);
+  });
+}
+
+TEST(WallProperty, AWallThatEndsBesideTheCarIsPassed) {
+  forAll(10, [](Random& rnd) {
+    Cloud cloud;
+    addGround(cloud, rnd, 30);
+    addWall(cloud, rnd, {-6, 0, 0}, -40, 2);
+    const WallScan seen = seenIn(cloud);
+    ASSERT_TRUE(seen.right);
+    EXPECT_NEAR(seen.right->distance_m(), 6, kSeen_m);
+    EXPECT_TRUE(seen.right->is_passed);
+    EXPECT_FALSE(ahead(seen).right);
+    // And one that reaches farther is passed later.
+    Wall wall = *seen.right;
+    wall.is_passed = false;
+    wall.to_x_m = 30;
+    EXPECT_FALSE(moved(wall, Pose(Eigen::Translation3d(29, 0, 0)), 0.4).is_passed);
+    EXPECT_TRUE(moved(wall, Pose(Eigen::Translation3d(31, 0, 0)), 0.4).is_passed);
+  });
+}
+
 TEST(WallProperty, TurnsWithTheScan) {
   forAll(20, [](Random& rnd) {
     const Road road = randomRoad(rnd);

@@ -106,6 +106,30 @@ TEST(Separation, IsInSigmasOfWhatClaimsAndTheOptionAllow) {
   EXPECT_NEAR(separation({0, 0.5}, weak_along_x, options), 3, 1e-12);
 }
 
+TEST(ContradictionByAll, IsTheMeanOfThoseThatAreOffAlike) {
+  EstimatorState state = heldBy({"a", "b"});
+  auto& records = state.records;
+  const auto put = [&](SourceRecord& record, const Eigen::Vector2d& off_m, double nis) {
+    record.own_residual_m = off_m;
+    record.nis = nis;
+  };
+  put(records[0], {0.4, 0}, 8);
+  put(records[1], {0.5, 0.1}, 16);
+  EXPECT_EQ(contradictionByAll(records, 10, {}), (4 + 8) / 2.0);
+  put(records[1], {0.1, 0.1}, 0.4);
+  EXPECT_EQ(contradictionByAll(records, 10, {}), 1) << "one of them is near the estimate";
+  put(records[1], {-0.4, 0}, 16);
+  EXPECT_EQ(contradictionByAll(records, 10, {}), 1) << "they contradict each other as well";
+  put(records[1], {0.5, 0.1}, 16);
+  for (const auto& spoil : std::vector<void (*)(SourceRecord&)>{
+           [](SourceRecord& r) { r.left = true; }, [](SourceRecord& r) { r.leapt = true; },
+           [](SourceRecord& r) { r.scatter = 2 * kMostScatter; }, [](SourceRecord& r) { r.stamp_s = 9; }}) {
+    EstimatorState one = state;
+    spoil(one.records[1]);
+    EXPECT_EQ(contradictionByAll(one.records, 10, {}), 1) << "one alone";
+  }
+}
+
 TEST(TwoKeys, AreThePairOfFreshSourcesThatAgreesBest) {
   EstimatorState state = heldBy({"a", "b", "c", "d"});
   auto& records = state.records;
