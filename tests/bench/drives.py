@@ -54,6 +54,13 @@ def noise_rows():
     return table
 
 
+def write_whole(path, text):
+    """A kill leaves what was there before, or all of the new."""
+    part = path.with_name(path.name + ".part")
+    part.write_text(text)
+    part.replace(path)
+
+
 def stem_of(name):
     return re.sub("[^a-z0-9.]+", "_", name.lower())
 
@@ -95,7 +102,7 @@ class Drives:
         command = self._asked(command)
         with self._lock_of(path):
             if not path.exists():
-                path.write_text(self._run(command))
+                write_whole(path, self._run(command))
         return path.read_text()
 
     def _asked(self, command):

@@ -72,8 +72,8 @@ class Campaign:
                  f"{quick}Last run: {len(self.chosen)} rows, {took_s / 60:.1f} min with {self.args.jobs} at a time. Simulated or "
                  "other data, other computer: figures of the paper are for orientation.", ""]
         words += [markdown(table, self.done[table.name]) for table in self.tables if self.done[table.name]]
-        (self.apps.folder / "results.md").write_text("\n".join(words))
-        self.results.write_text(json.dumps({"quick": self.args.quick, "tables": self.done}, indent=1) + "\n")
+        drives.write_whole(self.apps.folder / "results.md", "\n".join(words))
+        drives.write_whole(self.results, json.dumps({"quick": self.args.quick, "tables": self.done}, indent=1) + "\n")
 
 
 def measured(row, apps):
