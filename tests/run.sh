@@ -45,7 +45,7 @@ sanitized_tests() {  # only what is labelled `fast`, and what goes round circuit
   local -x ASAN_OPTIONS=detect_leaks=1:strict_string_checks=1 UBSAN_OPTIONS=print_stacktrace=1:halt_on_error=1
   local -x LSAN_OPTIONS=suppressions=$PWD/tests/support/leaks.supp:print_suppressions=0
   cmake -G Ninja -S . -B "$sanitized" -DCMAKE_BUILD_TYPE=Debug -DCMAKE_CXX_FLAGS_DEBUG=-O1 -DRACELOC_TESTS=ON \
-    -DRACELOC_CUDA=OFF -DRACELOC_SANITIZE=address,undefined &&
+    -DRACELOC_CUDA=OFF -DRACELOC_SANITIZE=address,undefined -DCMAKE_UNITY_BUILD=ON &&
     cmake --build "$sanitized" -j "$jobs" --target fast_tests &&
     ctest --test-dir "$sanitized" -j "$jobs" --timeout 900 --no-tests=error -L fast -E '/(monza_like|everland_like|ims|tms)'
 }
@@ -53,7 +53,7 @@ sanitized_tests() {  # only what is labelled `fast`, and what goes round circuit
 threaded_tests() {  # what hands logs and tiles from thread to thread; TBB and Embree are not instrumented
   local -x TSAN_OPTIONS=halt_on_error=1:suppressions=$PWD/tests/support/tsan.supp
   cmake -G Ninja -S . -B "$threads" -DCMAKE_BUILD_TYPE=Debug -DCMAKE_CXX_FLAGS_DEBUG=-O1 -DRACELOC_TESTS=ON \
-    -DRACELOC_CUDA=OFF -DRACELOC_SANITIZE=thread &&
+    -DRACELOC_CUDA=OFF -DRACELOC_SANITIZE=thread -DCMAKE_UNITY_BUILD=ON &&
     cmake --build "$threads" -j "$jobs" --target core_bounded_queue_unit_test sensors_unit_test \
       sensors_live_unit_test map_unit_test &&
     "$threads"/bin/core_bounded_queue_unit_test --gtest_brief=1 && "$threads"/bin/sensors_unit_test --gtest_brief=1 &&

@@ -14,7 +14,7 @@ namespace raceloc {
 
 namespace {
 
-constexpr char kManual[] = R"(NAME
+constexpr char kClosedLoopManual[] = R"(NAME
   raceloc-sim closed-loop - a car that steers by what it measures, into trouble, with the guard and without it
 
 SYNOPSIS
@@ -128,7 +128,7 @@ void print(const char* name, const ClosedLoopDrive& drive, double gap_m) {
 }  // namespace
 
 std::optional<ClosedLoopArgs> parseClosedLoop(std::vector<std::string> words) {
-  CommandLine cmd(kManual);
+  CommandLine cmd(kClosedLoopManual);
   Text seed("", "seed", "of all noise and biases (default 1)", false, "1", "N", cmd);
   Text lidars("", "lidars", "those that look for walls (default lidar_front)", false, "lidar_front", "LABELS",
               cmd);

@@ -4,7 +4,7 @@ namespace raceloc {
 
 namespace {
 
-std::string quoted(const std::string& word) {
+std::string shellWord(const std::string& word) {
   if (!word.empty() && word.find_first_of(" \t\n'\"\\$`&|;<>()*?[]#~!{}") == std::string::npos) return word;
   std::string text = "'";
   for (const char c : word) text += c == '\'' ? std::string("'\\''") : std::string(1, c);
@@ -15,7 +15,7 @@ std::string quoted(const std::string& word) {
 
 std::string commandText(const std::vector<std::string>& words) {
   std::string text;
-  for (const std::string& word : words) text += (text.empty() ? "" : " ") + quoted(word);
+  for (const std::string& word : words) text += (text.empty() ? "" : " ") + shellWord(word);
   return text;
 }
 

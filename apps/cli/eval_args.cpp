@@ -19,7 +19,7 @@ namespace raceloc {
 
 namespace {
 
-constexpr char kManual[] = R"(NAME
+constexpr char kEvalManual[] = R"(NAME
   raceloc-eval - errors of an estimated trajectory against the truth
 
 SYNOPSIS
@@ -76,7 +76,7 @@ RpeStep stepOf(const std::string& text) {
 }
 
 std::optional<TrajectoryArgs> parseTrajectoryArgs(int argc, char** argv) {
-  CommandLine cmd(kManual);
+  CommandLine cmd(kEvalManual);
   Text truth("t", "truth", "true trajectory, TUM", true, "", "FILE", cmd);
   Text estimate("e", "estimate", "estimated trajectory, TUM", true, "", "FILE", cmd);
   Text integrity("", "integrity", "states and protection levels of the estimate, of raceloc-live --integrity",

@@ -18,7 +18,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
-constexpr char kManual[] = R"(NAME
+constexpr char kCompareManual[] = R"(NAME
   raceloc-eval compare - two runs on one truth, and whether their difference is more than chance
 
 SYNOPSIS
@@ -100,7 +100,7 @@ nlohmann::ordered_json jsonOf(const std::string& name, const Comparison& c) {
 std::optional<CompareArgs> parseCompareArgs(const std::vector<std::string>& words) {
   std::vector<std::string> rest{words.front()};
   rest.insert(rest.end(), words.begin() + 2, words.end());
-  CommandLine cmd(kManual);
+  CommandLine cmd(kCompareManual);
   TCLAP::UnlabeledValueArg<std::string> a("A", "errors of the one run", true, "", "A.csv|A/", cmd);
   TCLAP::UnlabeledValueArg<std::string> b("B", "errors of the other", true, "", "B.csv|B/", cmd);
   Text report("r", "report", "write a page with tables and pictures, one self-contained HTML file", false, "",

@@ -17,7 +17,7 @@ namespace raceloc {
 
 namespace {
 
-constexpr char kManual[] = R"(NAME
+constexpr char kCpuManual[] = R"(NAME
   raceloc-eval cpu - what a command costs in CPU and memory
 
 SYNOPSIS
@@ -118,7 +118,7 @@ std::optional<CpuArgs> parseCpuArgs(const std::vector<std::string>& words) {
   const auto dashes = std::find(words.begin(), words.end(), "--");
   std::vector<std::string> options{words.front()};
   options.insert(options.end(), words.begin() + 2, dashes);
-  CommandLine cmd(kManual);
+  CommandLine cmd(kCpuManual);
   Text recorded("", "recorded", "length of the log that the command plays [s]", false, "", "S", cmd);
   Text period("", "period", "time between samples [s], default 0.5", false, "0.5", "S", cmd);
   Text json_path("", "json", "write the figures for other programs", false, "", "FILE", cmd);

@@ -18,7 +18,7 @@ namespace raceloc {
 
 namespace {
 
-constexpr char kManual[] = R"(NAME
+constexpr char kImportManual[] = R"(NAME
   raceloc-import - foreign recordings to MRPT rawlogs
 
 SYNOPSIS
@@ -308,7 +308,7 @@ std::optional<ImportArgs> parseImportArgs(int argc, char** argv) {
   const std::string word = argc > 1 ? argv[1] : "";
   if (word.empty()) throw InputError("no format given; one of: " + listed(names) + " (see --help)");
   if (word[0] == '-') {
-    CommandLine line(kManual);
+    CommandLine line(kImportManual);
     if (!line.parse(argc, argv)) return std::nullopt;
   }
   for (const auto& [name, parse] : formats) {

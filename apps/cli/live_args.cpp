@@ -17,7 +17,7 @@ namespace raceloc {
 
 namespace {
 
-constexpr char kHelp[] = R"(NAME
+constexpr char kLiveManual[] = R"(NAME
   raceloc-live - localization of a car on its map
 
 SYNOPSIS
@@ -228,7 +228,7 @@ void requireConsistent(const LiveArgs& args) {
 }  // namespace
 
 std::optional<LiveArgs> parseLiveArgs(int argc, char** argv) {
-  CommandLine cmd(kHelp);
+  CommandLine cmd(kLiveManual);
   TCLAP::ValueArg<std::string> ini("c", "config", "options; see --print-ini", false, "", "INI", cmd);
   TCLAP::ValueArg<std::string> map("m", "map", "the map, made by raceloc-map", false, "", "MAP.rlmap", cmd);
   TCLAP::ValueArg<std::string> log("i", "input", "the log to play", false, "", "RACE.rawlog", cmd);

@@ -10,6 +10,7 @@
 
 #include "cli/app.h"
 #include "core/errors.h"
+#include "eval/format.h"
 #include "pipeline/output_json.h"
 #include "sensors/black_box.h"
 #include "sensors/log_playback.h"
@@ -24,12 +25,6 @@ using Clock = std::chrono::steady_clock;
 
 double secondsBetween(Clock::time_point from, Clock::time_point to) {
   return std::chrono::duration<double>(to - from).count();
-}
-
-std::string format(const char* pattern, double value) {
-  char text[64];
-  std::snprintf(text, sizeof text, pattern, value);
-  return text;
 }
 
 std::string stateText(const Integrity& integrity) {

@@ -18,7 +18,7 @@ namespace raceloc {
 
 namespace {
 
-constexpr char kHelp[] = R"(NAME
+constexpr char kMapManual[] = R"(NAME
   raceloc-map - survey rawlogs in, one georeferenced map out
 
 SYNOPSIS
@@ -55,7 +55,7 @@ EXIT STATUS
   1 a fault of raceloc; 130 or 143 it was stopped.
 )";
 
-std::string besides(const std::string& map_path, const std::string& extension) {
+std::string besideMap(const std::string& map_path, const std::string& extension) {
   return std::filesystem::path(map_path).replace_extension(extension).string();
 }
 
@@ -125,7 +125,7 @@ std::optional<MapArgs> parseMapArgs(int argc, char** argv) {
     if (command == "export") return parseMapExport(std::move(words));
     if (command == "check") return parseMapCheck(std::move(words));
   }
-  CommandLine cmd(kHelp);
+  CommandLine cmd(kMapManual);
   TCLAP::ValueArg<std::string> ini("c", "config", "options; see --print-ini", false, "", "INI", cmd);
   TCLAP::ValueArg<std::string> out("o", "output", "the map to write", false, "", "MAP.rlmap", cmd);
   TCLAP::ValueArg<std::string> odometry(
@@ -177,10 +177,11 @@ void build(const BuildArgs& args) {
   if (had_store && !args.replace && !args.resume)
     throw InputError("output " + args.map_path + ": " + store_path +
                      " is there; --resume goes on with it, --replace drops it");
-  const std::string simplemap_path = options.map.write_simplemap ? besides(args.map_path, ".simplemap") : "";
-  const std::string scene_path = options.map.write_scene ? besides(args.map_path, ".3Dscene") : "";
-  std::vector<std::string> outputs{args.map_path, besides(args.map_path, ".html"),
-                                   besides(args.map_path, ".json")};
+  const std::string simplemap_path =
+      options.map.write_simplemap ? besideMap(args.map_path, ".simplemap") : "";
+  const std::string scene_path = options.map.write_scene ? besideMap(args.map_path, ".3Dscene") : "";
+  std::vector<std::string> outputs{args.map_path, besideMap(args.map_path, ".html"),
+                                   besideMap(args.map_path, ".json")};
   for (const auto& path : {simplemap_path, scene_path})
     if (!path.empty()) outputs.push_back(path);
   for (const auto& path : outputs)
@@ -225,8 +226,8 @@ void build(const BuildArgs& args) {
     writePoses(args.trajectory_path, built->content, [](const KeyPose& k) { return k.T_map_body; });
 
   const QaResult qa = qaOf(built->content, built->report, options.qa);
-  writeTextFile(besides(args.map_path, ".json"), qaJson(*built, qa));
-  writeTextFile(besides(args.map_path, ".html"),
+  writeTextFile(besideMap(args.map_path, ".json"), qaJson(*built, qa));
+  writeTextFile(besideMap(args.map_path, ".html"),
                 qaPage(std::filesystem::path(args.map_path).stem().string(), *built, qa, options.qa));
   if (!args.keep) store.remove();
 

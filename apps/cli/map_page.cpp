@@ -9,18 +9,12 @@
 
 #include "cli/map_pictures.h"
 #include "core/errors.h"
+#include "eval/format.h"
 #include "eval/html.h"
 
 namespace raceloc {
 
 namespace {
-
-template <class... Values>
-std::string format(const char* pattern, Values... values) {
-  char line[512];
-  std::snprintf(line, sizeof line, pattern, values...);
-  return line;
-}
 
 std::string table(const std::vector<std::string>& head, const std::vector<std::vector<std::string>>& rows,
                   bool words = false) {

@@ -12,7 +12,7 @@ namespace raceloc {
 
 namespace {
 
-constexpr char kManual[] = R"(NAME
+constexpr char kSimManual[] = R"(NAME
   raceloc-sim - races that no one can record here, as rawlogs with truth and faults
 
 SYNOPSIS
@@ -99,7 +99,7 @@ std::optional<SimArgs> parseSimArgs(int argc, char** argv) {
     if (auto args = parseClosedLoop(std::move(words))) return SimArgs(std::move(*args));
     return std::nullopt;
   }
-  CommandLine cmd(kManual);
+  CommandLine cmd(kSimManual);
   TCLAP::SwitchArg print_faults("", "print-faults", "print an ini with every kind of fault and end", cmd);
   Text threads("", "threads", "to cast rays with (default 0: one a core)", false, "0", "N", cmd);
   Text gzip("", "gzip-level", "of the log: 0 (no compression) to 9 (default 1)", false, "1", "N", cmd);

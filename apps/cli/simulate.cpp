@@ -13,6 +13,7 @@
 #include "cli/track_preview.h"
 #include "core/labels.h"
 #include "core/output_file.h"
+#include "eval/picture.h"
 #include "sensors/device_tally.h"
 #include "sensors/rawlog.h"
 #include "sim/faults.h"
@@ -21,15 +22,9 @@ namespace raceloc {
 
 namespace {
 
-std::string besides(const std::string& log_path, const std::string& ending) {
+std::string besideLog(const std::string& log_path, const std::string& ending) {
   const std::filesystem::path path(log_path);
   return (path.parent_path() / (path.stem().string() + ending)).string();
-}
-
-std::string number(double value) {
-  char text[32];
-  std::snprintf(text, sizeof text, "%.10g", value);
-  return text;
 }
 
 /** Where the devices are in the body, which a log does not tell of an IMU. */
@@ -74,9 +69,9 @@ class RaceFiles {
  public:
   RaceFiles(const std::string& log_path, const GeodeticPoint& origin, const std::string& manifest,
             int gzip_level)
-      : x_manifest_path(besides(log_path, "_manifest.ini")),
+      : x_manifest_path(besideLog(log_path, "_manifest.ini")),
         x_manifest(manifest),
-        x_truth(besides(log_path, "_truth.tum"), origin),
+        x_truth(besideLog(log_path, "_truth.tum"), origin),
         x_log(log_path, {origin, "\n" + manifest}, gzip_level) {}
   void write(RaceMessage message) {
     constexpr std::size_t kBatch = 400, kScans = 3;  // bounds the memory: two batches are alive at most
@@ -176,7 +171,7 @@ void simulate(const SimulateArgs& args) {
     }
   }
 
-  requireNotInput(besides(args.log_path, "_manifest.ini"), args);
+  requireNotInput(besideLog(args.log_path, "_manifest.ini"), args);
   const OutputFile probe(args.log_path);  // an output that cannot be written is told before the work
   const auto start = std::chrono::steady_clock::now();
   Race race(circuit, car, args.race);
@@ -218,7 +213,8 @@ void simulate(const SimulateArgs& args) {
       "run              %.1f s wall for %.1f s simulated, %.1f M LiDAR returns, peak memory %.0f MiB\n",
       wall_s, simulated_s, static_cast<double>(files.returns()) / 1e6, peakMemory_MiB());
   std::printf("written          %s, %s, %s\n", args.log_path.c_str(),
-              besides(args.log_path, "_truth.tum").c_str(), besides(args.log_path, "_manifest.ini").c_str());
+              besideLog(args.log_path, "_truth.tum").c_str(),
+              besideLog(args.log_path, "_manifest.ini").c_str());
 }
 
 }  // namespace raceloc

@@ -50,7 +50,7 @@ std::string footprint(const Track& track, const Scenery& scenery, Side side) {
 }
 
 /** In single quotes, within which gnuplot takes nothing for a command. */
-std::string quoted(const std::string& text) {
+std::string gnuplotString(const std::string& text) {
   std::string safe = "'";
   for (const char c : text)
     safe += c == '\'' ? std::string("''")
@@ -113,7 +113,7 @@ std::string trackPreview(const Circuit& circuit, const RacingLine& line, const S
       "set bmargin 7\nset key outside bottom horizontal\nset cblabel 'speed [km/h]'\nset palette defined (0 "
       "'#440154', 0.33 "
       "'#31688E', 0.67 '#35B779', 1 '#FDE725')\nset title " +
-      quoted(title) + "\n" + arrow +
+      gnuplotString(title) + "\n" + arrow +
       "plot $trees with filledcurves closed fc rgb '#BFE0BF' title 'trees', "
       "$built with filledcurves closed fc rgb '#C8B8A8' title 'stands, buildings', "
       "$edges with lines lw 1 lc rgb '#404040' title 'edges of the road', "

@@ -13,8 +13,6 @@ class CovarianceKernels : public OnEachDevice {};
 INSTANTIATE_TEST_SUITE_P(Devices, CovarianceKernels, ::testing::Values(Backend::cpu, Backend::cuda),
                          deviceName);
 
-constexpr std::array kWeights{Weight::rbf, Weight::gaussian, Weight::polynomial, Weight::hist,
-                              Weight::laplacian};
 constexpr double kGap = 1e-3;  // below it a normal is undefined
 
 CovarianceOptions withOdds(Weight weight) {  // no parameter at a value where it would not show

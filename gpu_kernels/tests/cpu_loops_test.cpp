@@ -11,9 +11,6 @@
 namespace raceloc::gpu::test {
 namespace {
 
-constexpr std::array kWeights{Weight::rbf, Weight::gaussian, Weight::polynomial, Weight::hist,
-                              Weight::laplacian};
-
 /** A hall with what may be met in a scan: a dense place, one far away, and points that are none. */
 Points scan(unsigned seed) {
   Points p = hall(seed, 20000);

@@ -13,7 +13,6 @@ namespace {
 class Deskew : public OnEachDevice {};
 INSTANTIATE_TEST_SUITE_P(Devices, Deskew, ::testing::Values(Backend::cpu, Backend::cuda), deviceName);
 
-constexpr float kNan = std::numeric_limits<float>::quiet_NaN(), kInf = std::numeric_limits<float>::infinity();
 constexpr Crop kEverything{0, 1e6F, 0, 0, 0};
 
 /** A point at its own time: entries between those of the steps around it. */

@@ -103,12 +103,6 @@ TEST(Emulator, PassesOnWhatAKernelThrows) {
                std::out_of_range);
 }
 
-void expectSame(const Points& a, const Points& b) {
-  EXPECT_EQ(a.x, b.x);
-  EXPECT_EQ(a.y, b.y);
-  EXPECT_EQ(a.z, b.z);
-}
-
 std::array<const std::vector<float>*, 6> entries(const Covariances& C) {
   return {&C.xx, &C.xy, &C.xz, &C.yy, &C.yz, &C.zz};
 }
@@ -128,7 +122,7 @@ TEST(EmulatedBackend, GivesTheDeskewedScanOfTheCpu) {
     EXPECT_GT(expected.points.size(), 1000U);
     for (const int seed : kSeeds) {
       const Deskewed here = Emulated(seed).deskew(job);
-      expectSame(here.points, expected.points);
+      expectSamePoints(here.points, expected.points);
       EXPECT_EQ(here.indices, expected.indices);
     }
   }
@@ -150,7 +144,7 @@ TEST(EmulatedBackend, GivesTheVoxelGridOfTheCpu) {
     for (const double size_m : {0.3, 1e-4}) {
       std::size_t dropped = 0, dropped_there = 1;
       const Points here = cpu->voxelGrid(p.view(), size_m, dropped);
-      expectSame(emulated.voxelGrid(p.view(), size_m, dropped_there), here);
+      expectSamePoints(emulated.voxelGrid(p.view(), size_m, dropped_there), here);
       EXPECT_EQ(dropped_there, dropped);
     }
     std::size_t dropped = 9;
@@ -163,7 +157,7 @@ TEST(EmulatedBackend, GivesTheVoxelGridOfTheCpu) {
     if (seed == kSeeds.back()) continue;
     const Points uneven =
         unevenVoxels(1);  // runs across warps and blocks, and more points than kBoxBlocks have threads
-    expectSame(emulated.voxelGrid(uneven.view(), 1, dropped), cpu->voxelGrid(uneven.view(), 1, dropped));
+    expectSamePoints(emulated.voxelGrid(uneven.view(), 1, dropped), cpu->voxelGrid(uneven.view(), 1, dropped));
   }
 }
 
@@ -178,8 +172,8 @@ TEST(EmulatedBackend, FindsWhatStandsAsTheCpuDoes) {
     EXPECT_GT(expected.size(), 20U);
     for (const int seed : kSeeds) {
       const StandingCells here = Emulated(seed).standingCells(points.view(), {}, &is_standing);
-      expectSame(here.face, expected.face);
-      expectSame(here.upper, expected.upper);
+      expectSamePoints(here.face, expected.face);
+      expectSamePoints(here.upper, expected.upper);
       EXPECT_EQ(here.lowest_m, expected.lowest_m);
       EXPECT_EQ(here.highest_m, expected.highest_m);
       EXPECT_EQ(here.standing, expected.standing);
@@ -248,16 +242,16 @@ TEST(EmulatedBackend, PreparesAsInSteps) {
     Deskewed full;
     for (Deskewed* wanted : {&full, static_cast<Deskewed*>(nullptr)}) {
       const PreparedScan out = device->prepare(job, 0.5, {}, wanted);
-      expectSame(out.points, points);
+      expectSamePoints(out.points, points);
       for (std::size_t k = 0; k < 6; ++k) EXPECT_EQ(*entries(out.covariances)[k], *entries(C)[k]);
       EXPECT_EQ(out.covariances.neighbours, C.neighbours);
     }
-    expectSame(full.points, moved_scan.points);
+    expectSamePoints(full.points, moved_scan.points);
     EXPECT_EQ(full.indices, moved_scan.indices);
   }
   const auto far = deskewJob(m.scan.view(), m.time_s.data(), m.sweep(), steps, {3, 1e6F, 4, 4, 4});
   const PreparedScan all = emulated.prepare(far, 0.5, {}, nullptr);  // the range has more than 2^32 voxels
-  expectSame(all.points, emulated.voxelGrid(emulated.deskew(far).points.view(), 0.5, dropped));
+  expectSamePoints(all.points, emulated.voxelGrid(emulated.deskew(far).points.view(), 0.5, dropped));
   EXPECT_EQ(all.covariances.neighbours, emulated.covariances(all.points.view(), {}).neighbours);
   const DeskewJob empty = deskewJob({}, nullptr, m.sweep(), steps, {});
   EXPECT_EQ(emulated.prepare(empty, 0.5, {}, nullptr).points.size(), 0U);

@@ -24,8 +24,6 @@ class Matcher : public OnEachDevice {
 };
 INSTANTIATE_TEST_SUITE_P(Devices, Matcher, ::testing::Values(Backend::cpu, Backend::cuda), deviceName);
 
-constexpr double kDegree = 0.017453292519943295;
-
 /** Points that are nearer than 1e-4 m to the face of a voxel: float may look into the other one. */
 Points clearOfFaces(const Points& p, const Transform& T, double voxel_m) {
   Points out;

@@ -13,8 +13,6 @@
 namespace raceloc::gpu::test {
 namespace {
 
-constexpr double kDegree = 0.017453292519943295;
-
 CovarianceOptions kNearest(int k) {
   CovarianceOptions o;
   o.neighbourhood = Neighbourhood::nearest;

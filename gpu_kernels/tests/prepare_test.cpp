@@ -11,12 +11,6 @@ namespace {
 class Prepare : public OnEachDevice {};
 INSTANTIATE_TEST_SUITE_P(Devices, Prepare, ::testing::Values(Backend::cpu, Backend::cuda), deviceName);
 
-void expectSame(const Points& a, const Points& b) {
-  EXPECT_EQ(a.x, b.x);
-  EXPECT_EQ(a.y, b.y);
-  EXPECT_EQ(a.z, b.z);
-}
-
 TEST_P(Prepare, GivesTheBitsOfTheThreeSteps) {
   MovingScan m = moving(hall(1, 20000));
   m.scan.x[5000] = m.time_s[17] = std::nanf("");
@@ -34,7 +28,7 @@ TEST_P(Prepare, GivesTheBitsOfTheThreeSteps) {
       for (Deskewed* wanted : {&full, static_cast<Deskewed*>(nullptr)}) {
         const PreparedScan out =
             prepare(context(), m.scan.view(), time_s, m.sweep(), crop, 0.25F, options, wanted);
-        expectSame(out.points, points);
+        expectSamePoints(out.points, points);
         EXPECT_EQ(out.covariances.xx, C.xx);
         EXPECT_EQ(out.covariances.xy, C.xy);
         EXPECT_EQ(out.covariances.xz, C.xz);
@@ -43,7 +37,7 @@ TEST_P(Prepare, GivesTheBitsOfTheThreeSteps) {
         EXPECT_EQ(out.covariances.zz, C.zz);
         EXPECT_EQ(out.covariances.neighbours, C.neighbours);
       }
-      expectSame(full.points, scan.points);
+      expectSamePoints(full.points, scan.points);
       EXPECT_EQ(full.indices, scan.indices);
     }
   }

@@ -2,20 +2,36 @@
  * Clouds for tests and benchmarks: drawn from a seed, or read from the real scan pair. */
 #pragma once
 
+#include <gtest/gtest.h>
+
 #include <algorithm>
 #include <array>
 #include <cmath>
 #include <fstream>
+#include <limits>
 #include <optional>
 #include <random>
 #include <sstream>
 #include <string>
 
 #include "core/se3_lm.hpp"
+#include "raceloc/gpu/covariance.h"
 #include "raceloc/gpu/deskew.h"
 #include "raceloc/gpu/types.h"
 
 namespace raceloc::gpu::test {
+
+inline constexpr double kDegree = 0.017453292519943295;
+inline constexpr float kNan = std::numeric_limits<float>::quiet_NaN(),
+                       kInf = std::numeric_limits<float>::infinity();
+inline constexpr std::array kWeights{Weight::rbf, Weight::gaussian, Weight::polynomial, Weight::hist,
+                                     Weight::laplacian};
+
+inline void expectSamePoints(const Points& a, const Points& b) {
+  EXPECT_EQ(a.x, b.x);
+  EXPECT_EQ(a.y, b.y);
+  EXPECT_EQ(a.z, b.z);
+}
 
 inline void push(Points& p, double x, double y, double z) {
   p.x.push_back(static_cast<float>(x));

@@ -11,8 +11,6 @@ namespace {
 class VoxelGrid : public OnEachDevice {};
 INSTANTIATE_TEST_SUITE_P(Devices, VoxelGrid, ::testing::Values(Backend::cpu, Backend::cuda), deviceName);
 
-constexpr float kNan = std::numeric_limits<float>::quiet_NaN(), kInf = std::numeric_limits<float>::infinity();
-
 TEST_P(VoxelGrid, IsTheCentroidOfEachVoxelInOrder) {
   for (const float size_m : {0.1F, 0.25F, 3.0F}) {
     const Points p = randomCloud(7, 4000, 5);

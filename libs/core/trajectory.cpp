@@ -53,7 +53,7 @@ void writeTum(const std::string& path, const Trajectory& trajectory) {
 
 Trajectory readTum(const std::string& path) {
   std::ifstream in = openText(path);
-  if (!in) throw InputError("trajectory " + path + ": cannot be read");
+  if (!in) throw InputError("trajectory " + path + ": cannot be read; check the path");
   Trajectory trajectory;
   std::string line;
   const std::string tag = kOriginTag;
@@ -86,7 +86,7 @@ Trajectory readTum(const std::string& path) {
     T.translation() << v[0], v[1], v[2];
     trajectory.poses.push_back({stamp_s, T});
   }
-  if (in.bad()) throw InputError("trajectory " + path + ": cannot be read");
+  if (in.bad()) throw InputError("trajectory " + path + ": cannot be read; check the path");
   if (trajectory.poses.empty()) throw InputError("trajectory " + path + ": holds no pose");
   return trajectory;
 }

@@ -15,7 +15,7 @@ namespace {
 
 constexpr double kSameTruth_m = 0.05;
 constexpr double kLongestChord_s = 0.11;  // 10 Hz; at 30 m/s^2 a chord over it is off the way by 0.045 m
-constexpr double kMostWork = 2e9;        // blocks that are drawn: a minute
+constexpr double kMostWork = 2e9;         // blocks that are drawn: a minute
 constexpr double kCorrelated = 0.3;
 
 std::vector<std::string> columnsOfErrors() {
@@ -198,7 +198,7 @@ Comparison compare(const ErrorSeries& a, const ErrorSeries& b, const CompareOpti
                "and p too small; take longer blocks (--block)",
                worst.column, worst.correlation));
   if (!is_checked)
-    c.warnings.push_back(
+    c.warnings.emplace_back(
         "no pose of A lies between two of B that are near enough: whether both have one truth is not known");
   return c;
 }

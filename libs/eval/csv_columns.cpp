@@ -78,7 +78,7 @@ CsvColumns readCsv(const std::string& what, const std::string& path, const std::
   const std::string where = what + " " + path;
   std::ifstream in = openText(path);
   std::string line;
-  if (!in || !nextLine(in, line)) throw InputError(where + ": cannot be read, or is empty");
+  if (!in || !nextLine(in, line)) throw InputError(where + ": cannot be read, or is empty; check the path");
   std::vector<std::string> header;
   splitInto(header, line);
   CsvColumns table;
@@ -102,7 +102,7 @@ CsvColumns readCsv(const std::string& what, const std::string& path, const std::
     }
     for (const auto& column : word_columns) column.values->push_back(fields[column.field]);
   }
-  if (in.bad()) throw InputError(where + ": cannot be read");
+  if (in.bad()) throw InputError(where + ": cannot be read; check the path");
   if (table.lines == 0) throw InputError(where + ": has no line below its header");
   return table;
 }

@@ -8,7 +8,7 @@ namespace raceloc {
 /** printf for what goes into cells and sentences. */
 template <class... Values>
 std::string format(const char* pattern, Values... values) {
-  char text[256];
+  char text[512];
   std::snprintf(text, sizeof text, pattern, values...);
   return text;
 }

@@ -9,6 +9,8 @@
 
 namespace raceloc {
 
+constexpr double kStampResolution_s = 1e-6;  ///< of the files
+
 /** rmse, mean, median and std (of the population, 1/N) keep the sign of what they are made of; max is of |x|.
  */
 struct Statistics {

@@ -8,8 +8,6 @@ namespace raceloc {
 
 namespace {
 
-constexpr double kStampResolution_s = 1e-6;  // of the files
-
 /** The motion from one pose to another, as the estimate has it and seen from the truth. */
 Pose motionError(const PoseError& from, const PoseError& to) {
   const Pose T_from_to_truth = from.T_map_truth.inverse() * to.T_map_truth;

@@ -15,7 +15,6 @@ namespace raceloc {
 namespace {
 
 constexpr double kMinMatchShare = 0.5;
-constexpr double kStampResolution_s = 1e-6;  // of the files
 
 std::string span(const std::vector<StampedPose>& poses) {
   return format("%.3f .. %.3f s", poses.front().stamp_s, poses.back().stamp_s);

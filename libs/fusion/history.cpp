@@ -20,7 +20,8 @@ bool before(const Control& a, const Control& b) {
 
 void HistoryOptions::describe(OptionList& keys) {
   keys.add("lag_s", lag_s, between(0.5, kLongestLag_s), "a measurement may come so late and still count [s]");
-  keys.add("group_s", group_s, between(0, kLongestGroup_s), "fixes within this time are decided on together [s]");
+  keys.add("group_s", group_s, between(0, kLongestGroup_s),
+           "fixes within this time are decided on together [s]");
 }
 
 FusionHistory::FusionHistory(const EstimatorOptions& options, const HistoryOptions& history,

@@ -111,7 +111,7 @@ class Reader {
 
   PoseGraph read() {
     std::ifstream file(x_path);
-    if (!file) throw InputError("g2o " + x_path + ": cannot be read");
+    if (!file) throw InputError("g2o " + x_path + ": cannot be read; check the path");
     std::string text;
     for (std::size_t number = 1; std::getline(file, text); ++number) {
       Line line(x_path, number, text);

@@ -18,8 +18,8 @@ namespace raceloc {
 
 namespace {
 
-constexpr std::uint32_t kApplicationId = 0x524C4D50;  // "RLMP"
-constexpr std::uint32_t kFormatVersion = 2;
+constexpr std::uint32_t kMapId = 0x524C4D50;  // "RLMP"
+constexpr std::uint32_t kMapVersion = 2;
 
 constexpr char kFixedTables[] = R"(
 CREATE TABLE meta(key TEXT PRIMARY KEY, value TEXT NOT NULL) WITHOUT ROWID;
@@ -108,12 +108,12 @@ void requireReadable(const std::string& path) {
   if (std::memcmp(header.data(), kMagic, sizeof kMagic) != 0)
     throw bad("is not an .rlmap (not an SQLite file); give a map made by raceloc-map");
   if (in.gcount() == static_cast<std::streamsize>(header.size())) {
-    if (bigEndianAt(header, 68, 4) != kApplicationId)
+    if (bigEndianAt(header, 68, 4) != kMapId)
       throw bad("is an SQLite file, but not an .rlmap; give a map made by raceloc-map");
     const std::uint32_t version = bigEndianAt(header, 60, 4);
-    if (version != kFormatVersion)
+    if (version != kMapVersion)
       throw bad("is of map format " + std::to_string(version) + ", but this program reads format " +
-                std::to_string(kFormatVersion) + "; use the raceloc that made it or build the map again");
+                std::to_string(kMapVersion) + "; use the raceloc that made it or build the map again");
   }
   const std::uint32_t page_size = bigEndianAt(header, 16, 2) == 1 ? 65536 : bigEndianAt(header, 16, 2);
   const std::uintmax_t expected = std::uintmax_t{page_size} * bigEndianAt(header, 28, 4);
@@ -148,8 +148,7 @@ void saveMap(const std::string& path, const TiledMap& tiles, const MapContent& c
     SqliteFile file(output.temporaryPath(), "map " + path, SqliteFile::Mode::write);
     // What a journal guards against, the temporary name already does; OutputFile flushes to the disk.
     file.run("PRAGMA journal_mode=OFF; PRAGMA synchronous=OFF; PRAGMA application_id=" +
-             std::to_string(kApplicationId) + "; PRAGMA user_version=" + std::to_string(kFormatVersion) +
-             "; BEGIN");
+             std::to_string(kMapId) + "; PRAGMA user_version=" + std::to_string(kMapVersion) + "; BEGIN");
     file.run(kFixedTables);
     SqlStatement meta(file, "INSERT INTO meta VALUES(?, ?)", "meta");
     std::string checksums;

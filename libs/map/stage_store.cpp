@@ -13,8 +13,8 @@ namespace raceloc {
 
 namespace {
 
-constexpr std::int64_t kApplicationId = 0x524C5354;  // "RLST"
-constexpr std::int64_t kFormatVersion = 2;
+constexpr std::int64_t kStoreId = 0x524C5354;  // "RLST"
+constexpr std::int64_t kStoreVersion = 2;
 constexpr std::size_t kLargest = std::size_t{1} << 29U;  // SQLite takes a little less than twice that
 
 std::int64_t numberOf(SqliteFile& file, const std::string& sql) {
@@ -37,16 +37,16 @@ StageStore::StageStore(const std::string& path, Open how)
   file.run("PRAGMA locking_mode=EXCLUSIVE; PRAGMA synchronous=FULL; BEGIN EXCLUSIVE");
   const std::int64_t id = numberOf(file, "PRAGMA application_id");
   const bool is_new = id == 0 && numberOf(file, "SELECT COUNT(*) FROM sqlite_master") == 0;
-  if (!is_new && id != kApplicationId)
+  if (!is_new && id != kStoreId)
     throw InputError("build state " + path +
                      ": is another kind of file; give the map another name or move it away");
-  if (how == Open::anew || is_new || numberOf(file, "PRAGMA user_version") != kFormatVersion)
+  if (how == Open::anew || is_new || numberOf(file, "PRAGMA user_version") != kStoreVersion)
     file.run(
         "DROP TABLE IF EXISTS stages;"
         "CREATE TABLE stages(stage TEXT PRIMARY KEY, input_hash TEXT NOT NULL, checksum TEXT NOT NULL,"
         " result BLOB NOT NULL);"
         "PRAGMA application_id=" +
-        std::to_string(kApplicationId) + "; PRAGMA user_version=" + std::to_string(kFormatVersion));
+        std::to_string(kStoreId) + "; PRAGMA user_version=" + std::to_string(kStoreVersion));
   file.run("COMMIT");
 }
 

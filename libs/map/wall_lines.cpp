@@ -13,11 +13,11 @@ namespace raceloc {
 namespace {
 
 constexpr double kReach_m = 30;
-constexpr double kHalfLength_m = 0.6;  // short, so that a wall at an angle to the line stays thin
-constexpr double kThickness_m = 0.3;   // over which a wall stands ...
-constexpr double kHeight_m = 0.4;      // ... at least this high
-constexpr double kGap_m = 0.4;         // that nothing of it leaves open upward
-constexpr double kFoot_m = 0.2;        // above the lowest point a point is the wall's and not the ground's
+constexpr double kSectionHalfLength_m = 0.6;  // short, so that a wall at an angle to the line stays thin
+constexpr double kThickness_m = 0.3;          // over which a wall stands ...
+constexpr double kHeight_m = 0.4;             // ... at least this high
+constexpr double kGap_m = 0.4;                // that nothing of it leaves open upward
+constexpr double kFoot_m = 0.2;  // above the lowest point a point is the wall's and not the ground's
 constexpr std::size_t kFewest =
     3;  // a wall has so many points at its top, and so many tell the height of its foot
 
@@ -75,7 +75,7 @@ std::vector<WallPoint> wallLines(const TiledMap& map, const std::vector<MapWaypo
   std::vector<WallPoint> left_walls, right_walls;
   for (std::size_t i = 0; i < waypoints.size(); ++i) {
     const MapWaypoint& at = waypoints[i];
-    const Points section = crossSection(map, at, kHalfLength_m, kReach_m);
+    const Points section = crossSection(map, at, kSectionHalfLength_m, kReach_m);
     const Eigen::Vector2d left(-std::sin(at.heading_rad), std::cos(at.heading_rad));
     for (const WallSide side : {WallSide::left, WallSide::right}) {
       const double sign = side == WallSide::left ? 1 : -1;

@@ -8,7 +8,6 @@ namespace raceloc {
 namespace {
 
 constexpr double kGravity_mps2 = 9.80665;
-constexpr double kSample_s = 0.01;        // sigmas of samples are those at 100 Hz
 constexpr double kUnknown_mps = 100;      // any speed of a car
 constexpr double kBiasWalk_share = 0.01;  // of its first sigma, in a second
 

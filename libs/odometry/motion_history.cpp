@@ -9,9 +9,6 @@ namespace {
 /** Cells of constant rates. */
 constexpr double kCell_s = 0.005;
 
-/** Sigmas of rates are those of samples at 100 Hz: white noise of this density per variance. */
-constexpr double kSample_s = 0.01;
-
 /** A gyro that gives the same three numbers for so many samples and so long is frozen, if the car moves; one that
  * gives the same number on an axis, and more than a car turns for long, is saturated. */
 constexpr int kFrozenSamples = 10;

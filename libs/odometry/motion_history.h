@@ -18,6 +18,9 @@
 
 namespace raceloc {
 
+/** Sigmas of rates are those of samples at 100 Hz: white noise of this density per variance. */
+constexpr double kSample_s = 0.01;
+
 /** Section [motion]. */
 struct MotionOptions {
   double memory_s = 5.0;

@@ -76,7 +76,7 @@ Cloud readVelodyneBin(const std::string& path) {
   std::vector<float> values(bytes / sizeof(float));
   in.seekg(0);
   in.read(reinterpret_cast<char*>(values.data()), static_cast<std::streamsize>(bytes));
-  if (!in) throw InputError("scan " + path + ": cannot be read");
+  if (!in) throw InputError("scan " + path + ": cannot be read; check the path");
   Cloud cloud;
   cloud.reserve(values.size() / 4);
   for (std::size_t i = 0; i < values.size(); i += 4) {

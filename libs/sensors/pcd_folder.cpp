@@ -43,14 +43,14 @@ struct Header {
   }
 };
 
-InputError bad(const std::string& path, const std::string& what) {
+InputError badPcd(const std::string& path, const std::string& what) {
   return InputError("PCD " + path + ": " + what);
 }
 
 std::size_t wholeNumber(const std::string& path, const std::string& text, std::size_t limit) {
   const auto number = parseNumber(text);
   if (!number || *number < 0 || *number > static_cast<double>(limit) || *number != std::floor(*number))
-    throw bad(path, "unreadable number in the header: " + text);
+    throw badPcd(path, "unreadable number in the header: " + text);
   return static_cast<std::size_t>(*number);
 }
 
@@ -58,14 +58,14 @@ std::size_t wholeNumber(const std::string& path, const std::string& text, std::s
 Header readHeader(std::istream& in, const std::string& path) {
   Header header;
   for (std::string line; header.data.empty();) {
-    if (!std::getline(in, line)) throw bad(path, "the header has no DATA line; is this a PCD file?");
+    if (!std::getline(in, line)) throw badPcd(path, "the header has no DATA line; is this a PCD file?");
     if (!line.empty() && line.back() == '\r') line.pop_back();
     const auto words = split(line, ' ');
     if (words.empty() || words[0][0] == '#') continue;
     const auto& key = words[0];
     const bool per_field = key == "SIZE" || key == "TYPE" || key == "COUNT";
     if (per_field && words.size() != header.fields.size() + 1)
-      throw bad(path, key + " does not have one value a field");
+      throw badPcd(path, key + " does not have one value a field");
     if (key == "FIELDS")
       for (std::size_t i = 1; i < words.size(); ++i) header.fields.push_back({words[i]});
     for (std::size_t i = 1; per_field && i < words.size(); ++i) {
@@ -116,8 +116,8 @@ void requireKnownTypes(const Header& header, const std::string& path) {
                            : (field.type == 'U' || field.type == 'I') &&
                                  (field.size == 1 || field.size == 2 || field.size == 4 || field.size == 8);
     if (!known)
-      throw bad(path,
-                "field " + field.name + " is of the unknown type " + field.type + std::to_string(field.size));
+      throw badPcd(
+          path, "field " + field.name + " is of the unknown type " + field.type + std::to_string(field.size));
   }
 }
 
@@ -132,7 +132,7 @@ class PointSink {
         x_ring(header.find({"ring"})),
         x_time(header.find({"time", "t", "timestamp"})),
         x_intensity_max(intensity_max) {
-    if (x_x == nullptr || x_y == nullptr || x_z == nullptr) throw bad(path, "no fields x, y and z");
+    if (x_x == nullptr || x_y == nullptr || x_z == nullptr) throw badPcd(path, "no fields x, y and z");
     x_scan.cloud.reserve(header.points);
   }
 
@@ -175,13 +175,13 @@ std::optional<double> stampInName(const std::string& path) {
 
 Scan readPcd(const std::string& path, double intensity_max) {
   std::ifstream in(path, std::ios::binary);
-  if (!in) throw bad(path, "cannot be read");
+  if (!in) throw badPcd(path, "cannot be read; check the path");
   const Header header = readHeader(in, path);
   requireKnownTypes(header, path);
   PointSink sink(header, path, intensity_max);
   const auto truncated = [&](std::size_t found) {
-    return bad(path, "truncated: the header says " + std::to_string(header.points) + " points, it holds " +
-                         std::to_string(found));
+    return badPcd(path, "truncated: the header says " + std::to_string(header.points) + " points, it holds " +
+                            std::to_string(found));
   };
   if (header.data == "ascii") {
     std::string line;
@@ -189,13 +189,13 @@ Scan readPcd(const std::string& path, double intensity_max) {
       if (!std::getline(in, line)) throw truncated(i);
       const auto words = split(line, ' ');
       if (words.size() != header.columns)
-        throw bad(path, "point " + std::to_string(i + 1) + " does not have " +
-                            std::to_string(header.columns) + " values: " + line.substr(0, 80));
+        throw badPcd(path, "point " + std::to_string(i + 1) + " does not have " +
+                               std::to_string(header.columns) + " values: " + line.substr(0, 80));
       sink.add([&](const Field& field) {
         const auto& word = words[field.column];
         if (const auto value = parseNumber(word)) return *value;
         if (word == "nan" || word == "-nan" || word == "NaN") return std::numeric_limits<double>::quiet_NaN();
-        throw bad(path, "point " + std::to_string(i + 1) + ": not a number: " + word);
+        throw badPcd(path, "point " + std::to_string(i + 1) + ": not a number: " + word);
       });
     }
   } else if (header.data == "binary") {
@@ -205,8 +205,9 @@ Scan readPcd(const std::string& path, double intensity_max) {
       sink.add([&](const Field& field) { return binaryValue(field, record.data()); });
     }
   } else {
-    throw bad(path, "its data are " + header.data + ", but only ascii and binary are read; convert it with " +
-                        "pcl_convert_pcd_ascii_binary");
+    throw badPcd(path, "its data are " + header.data +
+                           ", but only ascii and binary are read; convert it with " +
+                           "pcl_convert_pcd_ascii_binary");
   }
   return sink.finish();
 }
@@ -230,10 +231,10 @@ ImportSummary importLog(const PcdFolder& source, const std::string& log_path, co
   for (std::size_t i = 0; i < files.size(); ++i) {
     const auto named_s = stampInName(files[i]);
     if (named_s.has_value() != names_are_times)
-      throw bad(files[i],
-                "some file names are times [s, us or ns since the epoch] and some are not; rename them");
+      throw badPcd(files[i],
+                   "some file names are times [s, us or ns since the epoch] and some are not; rename them");
     const double stamp_s = named_s ? *named_s : static_cast<double>(i) / source.rate_hz;
-    if (!(stamp_s > last_s)) throw bad(files[i], "its time is not later than that of the file before");
+    if (!(stamp_s > last_s)) throw badPcd(files[i], "its time is not later than that of the file before");
     last_s = stamp_s;
     if (!source.decimation.keeps(i)) continue;
     Scan scan = readPcd(files[i], source.intensity_max);

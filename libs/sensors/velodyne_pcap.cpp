@@ -27,25 +27,25 @@ using mrpt::obs::gnss::Message_NMEA_RMC;
 constexpr double kHour_s = 3600;
 constexpr std::uint32_t kDataRecordBytes = 1206 + 42;  // payload, and its Ethernet, IP and UDP headers
 
-InputError bad(const std::string& path, const std::string& what) {
+InputError badPcap(const std::string& path, const std::string& what) {
   return InputError("pcap " + path + ": " + what);
 }
 
 /** When the first data packet was captured. Source: pcap-savefile(5). */
 double firstCaptureStamp(const std::string& path) {
   std::ifstream in(path, std::ios::binary);
-  if (!in) throw bad(path, "cannot be read; check the path");
+  if (!in) throw badPcap(path, "cannot be read; check the path");
   std::array<std::uint32_t, 6> file_header{};
   in.read(reinterpret_cast<char*>(file_header.data()), sizeof file_header);
   const std::uint32_t magic = file_header[0];
   if (!in || (magic != 0xa1b2c3d4 && magic != 0xa1b23c4d))
-    throw bad(path, "no classic little-endian pcap; convert it with editcap -F pcap");
+    throw badPcap(path, "no classic little-endian pcap; convert it with editcap -F pcap");
   std::array<std::uint32_t, 4> record{};  // seconds, fraction, stored bytes, bytes on the wire
   while (in.read(reinterpret_cast<char*>(record.data()), sizeof record)) {
     if (record[2] == kDataRecordBytes) return record[0] + record[1] * (magic == 0xa1b2c3d4 ? 1e-6 : 1e-9);
     in.seekg(record[2], std::ios::cur);
   }
-  throw bad(path, "no Velodyne data packet in it");
+  throw badPcap(path, "no Velodyne data packet in it");
 }
 
 std::string nameOf(VelodyneModel model) {
@@ -71,10 +71,10 @@ class Capture {
       x_driver.loadConfig(mrpt::config::CConfigFileMemory(text), "v");
       x_driver.initialize();
     } catch (const std::exception&) {
-      throw bad(x_path,
-                "MRPT's Velodyne driver refuses it; check the capture, the model " + nameOf(source.model) +
-                    " and the calibration file" +
-                    (source.calibration_path.empty() ? " (none given)" : " " + source.calibration_path));
+      throw badPcap(
+          x_path, "MRPT's Velodyne driver refuses it; check the capture, the model " + nameOf(source.model) +
+                      " and the calibration file" +
+                      (source.calibration_path.empty() ? " (none given)" : " " + source.calibration_path));
     }
   }
 
@@ -135,7 +135,7 @@ ImportSummary importLog(const VelodynePcap& source, const std::string& log_path,
   mrpt::maps::registerAllClasses_mrpt_maps();
   const ClockOffset clock = measureClock(source);
   if (clock.sweeps == 0)
-    throw bad(source.path, "no whole sweep in it; check the model " + nameOf(source.model));
+    throw badPcap(source.path, "no whole sweep in it; check the model " + nameOf(source.model));
 
   ImportSummary summary;
   summary.notes.emplace_back(clock.by_satellites ? "stamps are satellite time"

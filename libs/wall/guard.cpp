@@ -48,7 +48,7 @@ void GuardOptions::describe(OptionList& keys) {
 namespace {
 
 constexpr double kOnward = 0.75;  // of emergency_time_s: so far a wall is taken to go on as where it is seen
-constexpr double kSlowest_mps = 0.1;  // slower, no wall is reached in any time that matters
+constexpr double kStanding_mps = 0.1;  // slower, no wall is reached in any time that matters
 
 /** Of the nearer one of the wheels on the wall's side, the body being at a point of a path. */
 double wheelClearance_m(const Wall& wall, const PathPoint& at, const GuardOptions& options) {
@@ -65,7 +65,7 @@ Clearance clearanceOf(const Wall& wall, const Path& tracked, double speed_mps, c
   Clearance found;
   found.side = wall.side;
   found.wheel_m = wheelClearance_m(wall, {0, 0, 0, 0, 0}, options);
-  if (speed_mps < kSlowest_mps) return found;
+  if (speed_mps < kStanding_mps) return found;
   double before_s_m = 0, before_m = found.wheel_m;
   for (const PathPoint& at : tracked) {
     if (at.x_m > std::max(wall.to_x_m, kOnward * options.emergency_time_s * speed_mps)) break;
