@@ -3,6 +3,7 @@
 #include <Eigen/Cholesky>
 #include <algorithm>
 #include <cmath>
+#include <iterator>
 #include <numeric>
 #include <stdexcept>
 
@@ -55,18 +56,25 @@ Distance distance(const CarState& predicted, const PoseFix& fix, const GateOptio
           chiSquareLimit(options.delta_false_alarm, measured)};
 }
 
-/** The first of `candidates` (by name, at least one) that the first matching pattern names. */
+/** The surest of `candidates` (by name, at least one) that the first matching pattern names. */
 std::size_t primaryOf(const std::vector<PoseFix>& fixes, const Order& candidates,
                       const std::string& patterns) {
+  const auto surest = [&](const Order& among) {
+    return *std::min_element(among.begin(), among.end(), [&](auto a, auto b) {
+      return fixes[a].cov_p_m2.determinant() < fixes[b].cov_p_m2.determinant();
+    });
+  };
   const char* const separators = " \t,";
   for (std::size_t begin = patterns.find_first_not_of(separators); begin != std::string::npos;) {
     const std::size_t end = patterns.find_first_of(separators, begin);
     const std::string pattern = patterns.substr(begin, end - begin);
-    for (const auto k : candidates)
-      if (matchesLabel(pattern, fixes[k].source)) return k;
+    Order named;
+    std::copy_if(candidates.begin(), candidates.end(), std::back_inserter(named),
+                 [&](auto k) { return matchesLabel(pattern, fixes[k].source); });
+    if (!named.empty()) return surest(named);
     begin = patterns.find_first_not_of(separators, end);
   }
-  return candidates.front();
+  return surest(candidates);
 }
 
 /** The heading of `fix` as one of the body. */
@@ -130,7 +138,8 @@ void GateOptions::describe(OptionList& keys) {
            "chi2: share of sound measurements beyond epsilon");
   keys.add("delta_false_alarm", delta_false_alarm, between(1e-9, 1),
            "chi2: share of sound measurements rejected");
-  keys.add("primary_order", primary_order, "labels or patterns of sources, the one to prefer first");
+  keys.add("primary_order", primary_order,
+           "labels or patterns of sources, the ones to prefer first; of several the surest");
   keys.atMost("epsilon_m", epsilon_m, "delta_m", delta_m);
   keys.atMost("delta_false_alarm", delta_false_alarm, "epsilon_false_alarm", epsilon_false_alarm);
 }

@@ -146,7 +146,7 @@ GateDecision Estimator::decide(EstimatorState& state, std::vector<PoseFix> fixes
     verdict.confirms = known->confirms && !known->left;
     if (known->left) {
       verdict.delta = known->left_by_m;
-      verdict.limit = reliability.separation_m;
+      verdict.limit = known->left_limit_m;
     } else if (is_confirmed_before && !known->confirms) {
       verdict.delta = verdict.nis;
       verdict.limit = x_confirm_limit;

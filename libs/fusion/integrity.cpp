@@ -69,7 +69,7 @@ Integrity assess(const EstimatorState& state, std::optional<double> gap_m, const
                  options.reliability.fresh_s);
     if (record.left)
       return say(LocalizationState::degraded, record.source + " left the others [m]", record.left_by_m,
-                 options.reliability.separation_m);
+                 record.left_limit_m);
     if (!scattersAsClaimed(record))
       return say(LocalizationState::degraded, record.source + " scatters beyond its claim [times]",
                  record.scatter, kMostScatter);

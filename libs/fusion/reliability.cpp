@@ -5,6 +5,7 @@
 #include <cmath>
 
 #include "core/types.h"
+#include "fusion/chi_square.h"
 #include "fusion/measurement.h"
 
 namespace raceloc {
@@ -27,7 +28,42 @@ struct Witness {
   Eigen::Matrix2d cov_m2;
 };
 
+/** Normalised by what both claim. */
+double squaredDistance(const Witness& a, const Witness& b) {
+  return (a.cov_m2 + b.cov_m2).llt().matrixL().solve(a.mean_m - b.mean_m).squaredNorm();
+}
+
 int sizeOf(unsigned set) { return __builtin_popcount(set); }
+
+/** For each witness that two others outvote: how far from the nearest of the others it might be [m]; 0 for those that none
+ * does. The first witness is the motion, which has no vote: it follows whoever has the estimate. */
+std::vector<double> outvoted(const std::vector<SourceRecord>& records, const std::vector<Witness>& witnesses,
+                             const std::vector<std::size_t>& fresh, const ReliabilityOptions& options) {
+  const std::size_t n = witnesses.size();
+  const double limit = chiSquareLimit(options.confirm_false_alarm, 2);
+  std::vector<double> limit_m(n, 0);
+  std::vector<std::size_t> voters;
+  for (std::size_t i = 1; i < n; ++i)
+    if (!records[fresh[i - 1]].left && !records[fresh[i - 1]].leapt) voters.push_back(i);
+  const auto apart = [&](std::size_t a, std::size_t b) {
+    return squaredDistance(witnesses[a], witnesses[b]) > limit;
+  };
+  for (std::size_t i = 1; i < n; ++i) {
+    bool has_company = false, have_company = false;
+    double nearest_m = 0, nearest = kMostNis;
+    for (const std::size_t j : voters) {
+      if (j == i) continue;
+      has_company = has_company || !apart(i, j);
+      for (const std::size_t k : voters) have_company = have_company || (k > j && k != i && !apart(j, k));
+      const double d = squaredDistance(witnesses[i], witnesses[j]);
+      if (d > nearest) continue;
+      nearest = d;
+      nearest_m = (witnesses[i].mean_m - witnesses[j].mean_m).norm();
+    }
+    if (have_company && !has_company) limit_m[i] = nearest_m * std::sqrt(limit / nearest);
+  }
+  return limit_m;
+}
 
 }  // namespace
 
@@ -148,6 +184,7 @@ void holdAgainstEachOther(std::vector<SourceRecord>& records, const MotionWitnes
     if (larger || moves_along) winners = set;
   }
 
+  const std::vector<double> outvoted_m = outvoted(records, witnesses, fresh, options);
   Eigen::Vector2d mean_m = Eigen::Vector2d::Zero();
   for (std::size_t i = 0; i < n; ++i)
     if (winners >> i & 1) mean_m += witnesses[i].mean_m / sizeOf(winners);
@@ -155,9 +192,10 @@ void holdAgainstEachOther(std::vector<SourceRecord>& records, const MotionWitnes
     SourceRecord& record = records[fresh[i - 1]];
     const unsigned against = winners & ~agreeing[i];
     record.supported = fresh.size() < 2 || sizeOf(agreeing[i]) >= 2;
-    if (sizeOf(against) >= 2) record.left = true;
+    const bool is_outvoted = outvoted_m[i] > 0, disagrees = sizeOf(against) >= 2;
+    if (is_outvoted || disagrees) record.left = true;
     if (!record.left) continue;
-    if (against != 0) {
+    if (against != 0 || is_outvoted) {
       record.with_others_since_s.reset();
     } else if (!record.with_others_since_s) {
       record.with_others_since_s = stamp_s;
@@ -167,6 +205,7 @@ void holdAgainstEachOther(std::vector<SourceRecord>& records, const MotionWitnes
       record.with_others_since_s.reset();
     }
     record.left_by_m = record.left ? (record.mean_m - mean_m).norm() : 0;
+    record.left_limit_m = is_outvoted && !disagrees ? outvoted_m[i] : options.separation_m;
   }
 }
 

@@ -40,8 +40,9 @@ struct SourceRecord {
   Eigen::Matrix2d cov_m2;    ///< newest claim
   /** Residual against theta and claim, if the newest fix has a heading. Of a course, with all of b in theta. */
   std::optional<double> heading_rad, heading_sigma_rad;
-  double nis = 0;        ///< of the newest fix, see positionNis()
-  double left_by_m = 0;  ///< while it has left: how far it is from the mean of the others
+  double nis = 0;  ///< of the newest fix, see positionNis()
+  /** While it has left: how far it is from the mean of the others, and how far would do. */
+  double left_by_m = 0, left_limit_m = 0;
   /** Mean of half the normalised innovation squared: 1 if estimate and claim are right. */
   double contradiction = 1;
   double noise = 1;       ///< mean square step between residuals over what the claim lets expect
@@ -94,8 +95,11 @@ void record(SourceRecord& known, double stamp_s, const CarState& predicted, cons
  * wins that agrees with each other, of the fresh sources that scatter as they claim and the car's own motion; of equally
  * large ones that with the motion, then the first. A source that disagrees with at least two of it has left, and is back
  * once it has agreed with all of it for return_s. Which of two sources is right is hence told by the motion, or not at
- * all. Where there are others, one with which nobody agrees is marked as not supported. How far those that have left are
- * from the winners' mean is noted in left_by_m.
+ * all. Where there are others, one with which nobody agrees is marked as not supported.
+ *
+ * Sooner than that, a source has left that two others outvote: their mean residuals are as near to each other as their claims
+ * let expect (confirm_false_alarm), and its own is not, to any of the others. Else the estimate would go along with one that
+ * creeps away, until it is the others that contradict the estimate.
  * \param records  by name; at most 16 count */
 void holdAgainstEachOther(std::vector<SourceRecord>& records, const MotionWitness& motion, double stamp_s,
                           const ReliabilityOptions& options);

@@ -11,6 +11,7 @@
 #include <variant>
 
 #include "core/types.h"
+#include "fusion/chi_square.h"
 #include "fusion/history.h"
 #include "support/forall.h"
 
@@ -49,8 +50,13 @@ void shake(TimedFix& fix, Random& rnd, double sigma_m) {
   fix.fix.p_map_m += Eigen::Vector2d(rnd.normal(sigma_m), rnd.normal(sigma_m));
 }
 
+struct Claims {
+  double receivers_m = 0.05, match_m = 0.03;
+};
+
 /** What the devices say, in order of time: controls at 100 Hz, receivers at 20 Hz, matches at 10 Hz. */
-std::vector<Message> drive(double seconds, Random& rnd, const Fault& fault, double speed_error = 0) {
+std::vector<Message> drive(double seconds, Random& rnd, const Fault& fault, double speed_error = 0,
+                           const Claims& claims = {}) {
   std::vector<Message> messages;
   const auto say = [&](const std::string& source, double t, double sigma_m, const Eigen::Vector2d& lever_m) {
     const Truth truth = truthAt(t);
@@ -67,9 +73,9 @@ std::vector<Message> drive(double seconds, Random& rnd, const Fault& fault, doub
     const double t = 0.01 * i;
     messages.emplace_back(
         Control{t, kSpeed_mps * (1 + speed_error) + rnd.normal(0.3), kYawRate_rps + rnd.normal(0.01)});
-    if (i % 5 == 1) say("gps_left", t - 0.002, 0.05, kLever_m);
-    if (i % 5 == 1) say("gps_right", t - 0.002, 0.05, -kLever_m);
-    if (i % 10 == 3) say("scan_match", t - 0.001, 0.03, Eigen::Vector2d::Zero());
+    if (i % 5 == 1) say("gps_left", t - 0.002, claims.receivers_m, kLever_m);
+    if (i % 5 == 1) say("gps_right", t - 0.002, claims.receivers_m, -kLever_m);
+    if (i % 10 == 3) say("scan_match", t - 0.001, claims.match_m, Eigen::Vector2d::Zero());
   }
   std::stable_sort(messages.begin(), messages.end(),
                    [](const Message& a, const Message& b) { return stampOf(a) < stampOf(b); });
@@ -269,6 +275,34 @@ TEST(FusionHistory, ASlowRampIsFoundWithinASecondOfLeaving) {
     EXPECT_GT(*found_s, 5.5);
     EXPECT_LT(*found_s, 7.0);  // it leaves 0.5 m at 6 s
     EXPECT_LT(r.worst_m(5, 15), 0.30);
+  }
+}
+
+// It is told from the others where its claim and that of the nearest one explain no more; until then the estimate may go
+// along, and as far as it creeps in the half second over which residuals are averaged. 0.1 m: noise of the estimate.
+TEST(FusionHistory, ASourceThatCreepsAcrossTheTrackDoesNotTakeItAlong) {
+  for (const Claims claims : {Claims{0.015, 0.05}, Claims{0.03, 0.02}, Claims{0.03, 0.05}}) {
+    for (const std::string creeping : {"gps_left", "gps_right", "scan_match"}) {
+      const double nearest_m =
+          creeping == "scan_match" ? claims.receivers_m : std::max(claims.receivers_m, claims.match_m);
+      const double told_m =
+          std::hypot(creeping == "scan_match" ? claims.match_m : claims.receivers_m, nearest_m) *
+          std::sqrt(chiSquareLimit(options().reliability.confirm_false_alarm, 2));
+      for (const double rate_mps : {0.05, 0.1, 0.2, 0.3, 0.5, 1.0}) {
+        const auto creep = [&](TimedFix& fix, Random&) {
+          if (fix.fix.source == creeping && within(fix, 5, 30))
+            fix.fix.p_map_m += Eigen::Rotation2Dd(truthAt(fix.stamp_s).heading_rad) *
+                               Eigen::Vector2d(0, std::min(2.0, rate_mps * (fix.stamp_s - 5)));
+          return true;
+        };
+        Random rnd(1);
+        FusionHistory history = started();
+        EXPECT_LT(driven(history, drive(30, rnd, creep, 0, claims)).worst_m(5, 30),
+                  told_m + 0.5 * rate_mps + 0.1)
+            << creeping << " at " << rate_mps << " m/s; claims " << claims.receivers_m << ", "
+            << claims.match_m;
+      }
+    }
   }
 }
 

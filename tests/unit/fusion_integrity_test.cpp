@@ -63,6 +63,7 @@ TEST(Integrity, EachStateHasItsCauseWithFigureAndLimit) {
   EstimatorState left = heldBy({"gps_left", "gps_right", "scan_match"});
   left.records[1].left = true;
   left.records[1].left_by_m = 3;
+  left.records[1].left_limit_m = 0.5;
   const Integrity drifting = assessed(left);
   EXPECT_EQ(drifting.state, LocalizationState::degraded);
   EXPECT_THAT(drifting.cause, HasSubstr("gps_right left the others"));
