@@ -7,6 +7,7 @@
 
 #include "cloud/deskew.h"
 #include "core/labels.h"
+#include "fusion/chi_square.h"
 #include "pipeline/planar_control.h"
 #include "sensors/gps_conversion.h"
 
@@ -269,7 +270,7 @@ void Localizer::considerStart(const GpsFix& fix, const PoseFix& car) {
   T.translation() = fix.p_map_antenna_m - T.linear() * fix.p_body_antenna_m;
   if (x_place && fix.stamp_s < x_place->stamp_s) return;  // it came late
   const double first_fix_s = x_place ? x_place->first_fix_s : fix.stamp_s;
-  x_place = StartPlace{first_fix_s, fix.stamp_s, fix.label, T};
+  x_place = StartPlace{first_fix_s, fix.stamp_s, fix.label, T, car.cov_p_m2};
   if (!started() && fix.stamp_s - first_fix_s > x_options.policy.start_patience_s)
     start(fix.stamp_s, T, {fix.stamp_s, fix.label, false, 0});
 }
@@ -283,9 +284,20 @@ std::optional<Pose> Localizer::placeAt(double stamp_s) const {
   return x_place->T_map_body * (stamp_s >= fix_s ? motion->T_start_end : motion->T_start_end.inverse());
 }
 
-std::optional<Registration> Localizer::search(const CovarianceCloud& source, const Pose& T_guess) {
+std::optional<Registration> Localizer::search(const CovarianceCloud& source, const Pose& T_guess,
+                                              const std::optional<Eigen::Matrix2d>& claim_m2) {
   if (!x_window.moveTo(T_guess.translation().head<2>())) return std::nullopt;
   const GicpOptions& gicp = x_options.matching.registration;
+  if (claim_m2) {
+    const Registration here = align(x_context, source, x_window.target(), T_guess, gicp);
+    if (here.trusted(gicp)) {
+      const Eigen::Vector2d off_m = (here.T_target_source.translation() - T_guess.translation()).head<2>();
+      const Eigen::Matrix2d S = *claim_m2 + planarFix(here).cov_p_m2;
+      if (off_m.dot(S.inverse() * off_m) <=
+          chiSquareLimit(x_options.estimator.reliability.confirm_false_alarm, 2))
+        return here;
+    }
+  }
   Registration match = alignWithSearch(x_context, source, x_window.target(), T_guess, gicp, x_options.search);
   if (!match.trusted(gicp)) return std::nullopt;
   return match;
@@ -296,7 +308,7 @@ void Localizer::tryStart(const Sweep& sweep) {
   const auto T_guess = placeAt(end_s);
   if (!T_guess) return;
   const CovarianceCloud source = x_preparer.prepare(sweep, motionOf(sweep));
-  const auto match = search(source, *T_guess);
+  const auto match = search(source, *T_guess, x_place->cov_p_m2);
   if (!match) return;
   const double to_fix_m = (match->T_target_source.translation() - T_guess->translation()).head<2>().norm();
   start(end_s, match->T_target_source, {end_s, x_place->receiver, true, to_fix_m});
@@ -401,7 +413,8 @@ void Localizer::takeMatch(double end_s, SweepResult result) {
     ++x_searches;
     const auto T_place = placeAt(end_s);
     const Pose T_guess = T_place ? *T_place : poseAt(end_s, x_fusion->at(end_s).car);
-    if (const auto found = search(result.source, T_guess)) {
+    const auto claim_m2 = T_place ? std::optional(x_place->cov_p_m2) : std::nullopt;
+    if (const auto found = search(result.source, T_guess, claim_m2)) {
       match = found;
       trusted = true;
     }

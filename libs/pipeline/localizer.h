@@ -176,8 +176,10 @@ class Localizer {
   void considerStart(const GpsFix& fix, const PoseFix& car);
   /** Where the fix of considerStart() says that the car is at an instant. */
   [[nodiscard]] std::optional<Pose> placeAt(double stamp_s) const;
-  /** Looks for the car around a place. */
-  [[nodiscard]] std::optional<Registration> search(const CovarianceCloud& source, const Pose& T_guess);
+  /** Looks for the car around a place. The match that starts at the place wins if it is as near to it as both claim, where
+   * that is known of the place: stretches of a track look alike. */
+  [[nodiscard]] std::optional<Registration> search(const CovarianceCloud& source, const Pose& T_guess,
+                                                   const std::optional<Eigen::Matrix2d>& claim_m2);
   /** Looks for the car around the fix of considerStart(). */
   void tryStart(const Sweep& sweep);
   void start(double stamp_s, const Pose& T_map_body, StartReport report);
@@ -229,6 +231,7 @@ class Localizer {
     double stamp_s;
     std::string receiver;
     Pose T_map_body;
+    Eigen::Matrix2d cov_p_m2;
   };
   // What is aligned to 16 bytes comes first: less padding.
   std::optional<FusionHistory> x_fusion;

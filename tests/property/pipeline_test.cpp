@@ -35,10 +35,13 @@ class LocalizerTest : public ::testing::Test {
   void SetUp() override {
     path_ =
         std::filesystem::temp_directory_path() / ("raceloc_localizer_" + std::to_string(getpid()) + ".rlmap");
+    saveMapOf(street_);
+  }
+  void saveMapOf(const Cloud& surveyed) {
     TiledMap tiles(32);
     CovarianceOptions dense;
     dense.radius_m = 0.6;
-    const CovarianceCloud map = withCovariances(context_, voxelGrid(context_, street_, 0.2), dense);
+    const CovarianceCloud map = withCovariances(context_, voxelGrid(context_, surveyed, 0.2), dense);
     tiles.insert(map.cloud, map.covariances.view());
     saveMap(path_, tiles, {{GeodeticPoint{49, 8, 100}, 32, 0.2, "test", "", {"survey"}}, {}});
   }
@@ -132,6 +135,20 @@ TEST_F(LocalizerTest, WhenTheGpsLiesFromTheFirstFixOnItIsRejected) {
       EXPECT_EQ(verdict.accepted, verdict.source == "scan_match") << output.stamp_s;
   }
   EXPECT_GT(decisions, 30);
+}
+
+TEST_F(LocalizerTest, AStreetThatLooksAlikeIsNotTakenForTheOneOfTheFix) {
+  const Cloud beside = transformed(street_, Pose(Eigen::Translation3d(0, 20, 0)));
+  Cloud two;
+  for (std::size_t i = 0; i < street_.size(); ++i) {
+    two.push(beside.point(i));
+    if (street_.x[i] < 20) two.push(street_.point(i));  // not surveyed to its end: the one beside fits better
+  }
+  saveMapOf(two);
+  const auto outputs = drive([](Sample&, Random&) { return true; });
+  ASSERT_TRUE(start_ && start_->by_match);
+  EXPECT_LT(start_->match_to_fix_m, kMatch_m + 0.06);  // and three sigmas of the fix
+  EXPECT_LT(worstError_m(outputs), kMatch_m);
 }
 
 TEST_F(LocalizerTest, WhenTheGpsStopsTheMatchCarriesOn) {
