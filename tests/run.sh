@@ -41,7 +41,7 @@ main_tests() {
   ctest --test-dir "$main" -j "$jobs" --timeout 900 --no-tests=error 2>&1 | tee "$main/ctest.log"
 }
 
-sanitized_tests() {  # only what is labelled `fast`; what goes round circuits on the short ones, and no recall of walls
+sanitized_tests() {  # only what is labelled `fast`; for time, circuits are the short ones, and no rates of the wall detector
   local -x ASAN_OPTIONS=detect_leaks=1:strict_string_checks=1 UBSAN_OPTIONS=print_stacktrace=1:halt_on_error=1
   local -x LSAN_OPTIONS=suppressions=$PWD/tests/support/leaks.supp:print_suppressions=0
   cmake -G Ninja -S . -B "$sanitized" -DCMAKE_BUILD_TYPE=Debug -DCMAKE_CXX_FLAGS_DEBUG=-O1 -DRACELOC_TESTS=ON \

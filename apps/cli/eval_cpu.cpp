@@ -11,6 +11,7 @@
 #include "cli/process_usage.h"
 #include "cli/text_options.h"
 #include "core/output_file.h"
+#include "eval/format.h"
 #include "eval/picture.h"
 
 namespace raceloc {

@@ -5,6 +5,7 @@
 #include <utility>
 #include <vector>
 
+#include "eval/format.h"
 #include "eval/gnuplot.h"
 #include "eval/picture.h"
 

@@ -13,7 +13,7 @@
 #include "cli/track_preview.h"
 #include "core/labels.h"
 #include "core/output_file.h"
-#include "eval/picture.h"
+#include "eval/format.h"
 #include "sensors/device_tally.h"
 #include "sensors/rawlog.h"
 #include "sim/faults.h"

@@ -9,6 +9,7 @@
 #include "api/voxel_table.hpp"
 #include "core/se3_lm.hpp"
 #include "tests/emu/emulated_machine.hpp"
+#include "tests/expect_same.h"
 #include "tests/scenes.h"
 
 namespace raceloc::gpu::test {
@@ -157,7 +158,8 @@ TEST(EmulatedBackend, GivesTheVoxelGridOfTheCpu) {
     if (seed == kSeeds.back()) continue;
     const Points uneven =
         unevenVoxels(1);  // runs across warps and blocks, and more points than kBoxBlocks have threads
-    expectSamePoints(emulated.voxelGrid(uneven.view(), 1, dropped), cpu->voxelGrid(uneven.view(), 1, dropped));
+    expectSamePoints(emulated.voxelGrid(uneven.view(), 1, dropped),
+                     cpu->voxelGrid(uneven.view(), 1, dropped));
   }
 }
 

@@ -2,6 +2,7 @@
 
 #include "raceloc/gpu/matcher.h"
 #include "raceloc/gpu/voxel_grid.h"
+#include "tests/expect_same.h"
 #include "tests/on_each_device.h"
 #include "tests/scenes.h"
 

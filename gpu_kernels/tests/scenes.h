@@ -2,8 +2,6 @@
  * Clouds for tests and benchmarks: drawn from a seed, or read from the real scan pair. */
 #pragma once
 
-#include <gtest/gtest.h>
-
 #include <algorithm>
 #include <array>
 #include <cmath>
@@ -26,12 +24,6 @@ inline constexpr float kNan = std::numeric_limits<float>::quiet_NaN(),
                        kInf = std::numeric_limits<float>::infinity();
 inline constexpr std::array kWeights{Weight::rbf, Weight::gaussian, Weight::polynomial, Weight::hist,
                                      Weight::laplacian};
-
-inline void expectSamePoints(const Points& a, const Points& b) {
-  EXPECT_EQ(a.x, b.x);
-  EXPECT_EQ(a.y, b.y);
-  EXPECT_EQ(a.z, b.z);
-}
 
 inline void push(Points& p, double x, double y, double z) {
   p.x.push_back(static_cast<float>(x));

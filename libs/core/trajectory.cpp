@@ -86,7 +86,7 @@ Trajectory readTum(const std::string& path) {
     T.translation() << v[0], v[1], v[2];
     trajectory.poses.push_back({stamp_s, T});
   }
-  if (in.bad()) throw InputError("trajectory " + path + ": cannot be read; check the path");
+  if (in.bad()) throw InputError("trajectory " + path + ": cannot be read to its end; check the disk");
   if (trajectory.poses.empty()) throw InputError("trajectory " + path + ": holds no pose");
   return trajectory;
 }

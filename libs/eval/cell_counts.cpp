@@ -2,6 +2,7 @@
 
 #include <cmath>
 
+#include "eval/format.h"
 #include "eval/picture.h"
 
 namespace raceloc {

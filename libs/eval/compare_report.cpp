@@ -3,6 +3,7 @@
 
 #include "eval/compare.h"
 #include "eval/curves.h"
+#include "eval/format.h"
 
 namespace raceloc {
 

@@ -102,7 +102,7 @@ CsvColumns readCsv(const std::string& what, const std::string& path, const std::
     }
     for (const auto& column : word_columns) column.values->push_back(fields[column.field]);
   }
-  if (in.bad()) throw InputError(where + ": cannot be read; check the path");
+  if (in.bad()) throw InputError(where + ": cannot be read to its end; check the disk");
   if (table.lines == 0) throw InputError(where + ": has no line below its header");
   return table;
 }

@@ -13,4 +13,7 @@ std::string format(const char* pattern, Values... values) {
   return text;
 }
 
+/** With ten digits, and no more than it needs. */
+inline std::string number(double value) { return format("%.10g", value); }
+
 }  // namespace raceloc

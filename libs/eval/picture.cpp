@@ -33,12 +33,6 @@ bool endsIn(const std::string& path, const std::string& ending) {
 
 }  // namespace
 
-std::string number(double value) {
-  char text[32];
-  std::snprintf(text, sizeof text, "%.10g", value);
-  return text;
-}
-
 std::string svgTerminal(const std::string& name, int height_px) { return svg(name, height_px, ""); }
 
 std::string drawn(const Picture& picture, PictureFormat format) {

@@ -5,6 +5,7 @@
 #include <utility>
 
 #include "eval/curves.h"
+#include "eval/format.h"
 
 namespace raceloc {
 

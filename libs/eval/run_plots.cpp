@@ -7,6 +7,7 @@
 #include "core/statistics.h"
 #include "eval/cell_counts.h"
 #include "eval/curves.h"
+#include "eval/format.h"
 
 namespace raceloc {
 

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "eval/format.h"
 #include "eval/gnuplot.h"
 #include "eval/picture.h"
 

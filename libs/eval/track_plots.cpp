@@ -5,6 +5,7 @@
 #include "eval/acceleration.h"
 #include "eval/cell_counts.h"
 #include "eval/curves.h"
+#include "eval/format.h"
 #include "eval/plots.h"
 
 namespace raceloc {

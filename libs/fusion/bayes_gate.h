@@ -40,7 +40,7 @@ struct GateResult {
  * Rules, on Delta_k and the limits epsilon <= delta (of the metric, or quantiles by the number of values
  * measured):
  *  1. all Delta <= epsilon: the fix that `primary_order` names first, unchanged; of several under one pattern, or under none,
- *     the one that claims the least, then the first by name;
+ *     the one with the smallest determinant of its claim, then the first by name;
  *  2. all Delta <= delta: sum of w_k y_k with blendWeights(), covariance sum of w_k^2 R_k. Headings are
  * averaged on the circle with the weights of those that have one, scaled to 1. If some measure the body and
  * some the course, courses become body headings by the predicted b, whose variance is added (its correlation

@@ -57,4 +57,8 @@ Eigen::Vector3d innovation(const Eigen::Vector3d& reading, const Eigen::Vector3d
   return nu;
 }
 
+double squaredMahalanobis(const Eigen::Vector2d& d, const Eigen::Matrix2d& S) {
+  return S.llt().matrixL().solve(d).squaredNorm();
+}
+
 }  // namespace raceloc

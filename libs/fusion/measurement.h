@@ -24,5 +24,7 @@ namespace raceloc {
 [[nodiscard]] Eigen::Matrix3d noiseOf(const PoseFix& fix);
 /** reading - predicted, its angle wrapped into [-pi, pi). */
 [[nodiscard]] Eigen::Vector3d innovation(const Eigen::Vector3d& reading, const Eigen::Vector3d& predicted);
+/** d' S^-1 d of a displacement in the plane and its covariance, positive definite. */
+[[nodiscard]] double squaredMahalanobis(const Eigen::Vector2d& d, const Eigen::Matrix2d& S);
 
 }  // namespace raceloc

@@ -17,6 +17,10 @@ constexpr double kJump = 12;
 // An estimate does not run away faster, not even backwards: what does is noise.
 constexpr double kFastest_mps = 150;
 constexpr double kMostNis = 1e6;
+// What is older is no vote: since then, others have corrected the estimate. A LiDAR turns ten times a second.
+constexpr double kVoice_s = 0.15;
+// Where dead reckoning drifts, means are off by its rate times window_s, all alike after two windows.
+constexpr double kSteady_windows = 2;
 
 Eigen::Vector2d residualOf(const CarState& predicted, const PoseFix& fix) {
   return (readingOf(fix) - predictedReading(fix, predicted.mean)).head<2>();
@@ -30,39 +34,32 @@ struct Witness {
 
 /** Normalised by what both claim. */
 double squaredDistance(const Witness& a, const Witness& b) {
-  return (a.cov_m2 + b.cov_m2).llt().matrixL().solve(a.mean_m - b.mean_m).squaredNorm();
+  return squaredMahalanobis(a.mean_m - b.mean_m, a.cov_m2 + b.cov_m2);
 }
 
 int sizeOf(unsigned set) { return __builtin_popcount(set); }
 
-/** For each witness that two others outvote: how far from the nearest of the others it might be [m]; 0 for those that none
- * does. The first witness is the motion, which has no vote: it follows whoever has the estimate. */
-std::vector<double> outvoted(const std::vector<SourceRecord>& records, const std::vector<Witness>& witnesses,
-                             const std::vector<std::size_t>& fresh, const ReliabilityOptions& options) {
-  const std::size_t n = witnesses.size();
-  const double limit = chiSquareLimit(options.confirm_false_alarm, 2);
-  std::vector<double> limit_m(n, 0);
-  std::vector<std::size_t> voters;
-  for (std::size_t i = 1; i < n; ++i)
-    if (!records[fresh[i - 1]].left && !records[fresh[i - 1]].leapt) voters.push_back(i);
-  const auto apart = [&](std::size_t a, std::size_t b) {
-    return squaredDistance(witnesses[a], witnesses[b]) > limit;
-  };
-  for (std::size_t i = 1; i < n; ++i) {
-    bool has_company = false, have_company = false;
-    double nearest_m = 0, nearest = kMostNis;
-    for (const std::size_t j : voters) {
-      if (j == i) continue;
-      has_company = has_company || !apart(i, j);
-      for (const std::size_t k : voters) have_company = have_company || (k > j && k != i && !apart(j, k));
-      const double d = squaredDistance(witnesses[i], witnesses[j]);
-      if (d > nearest) continue;
-      nearest = d;
-      nearest_m = (witnesses[i].mean_m - witnesses[j].mean_m).norm();
+/** How far a source is from the others, and how far would do. */
+struct Separation {
+  double by_m, limit_m;
+};
+
+/** The distance of a source from the nearest of the voters, if two of these agree with each other and none with it. */
+std::optional<Separation> outvoted(const Witness& source, const std::vector<Witness>& voters, double limit) {
+  const auto agrees = [&](const Witness& a, const Witness& b) { return squaredDistance(a, b) <= limit; };
+  bool two_agree = false;
+  double nearest = HUGE_VAL, nearest_m = HUGE_VAL;
+  for (auto one = voters.begin(); one != voters.end(); ++one) {
+    two_agree =
+        two_agree || std::any_of(voters.begin(), one, [&](const Witness& w) { return agrees(w, *one); });
+    const double distance = squaredDistance(source, *one);
+    if (distance < nearest) {
+      nearest = distance;
+      nearest_m = (source.mean_m - one->mean_m).norm();
     }
-    if (have_company && !has_company) limit_m[i] = nearest_m * std::sqrt(limit / nearest);
   }
-  return limit_m;
+  if (!two_agree || nearest <= limit) return std::nullopt;
+  return Separation{nearest_m, nearest_m * std::sqrt(limit / nearest)};
 }
 
 }  // namespace
@@ -74,7 +71,7 @@ void ReliabilityOptions::describe(OptionList& keys) {
   keys.add("separation_sigmas", separation_sigmas, above(0),
            "... unless they claim no better than this many sigmas");
   keys.add("confirm_false_alarm", confirm_false_alarm, between(1e-12, 0.1),
-           "share of sound fixes that do not confirm a sound estimate");
+           "share of sound fixes that do not confirm a sound estimate, or that are outvoted");
   keys.add("inflate_from", inflate_from, atLeast(1),
            "how many times its claim a source's scatter or contradiction must be before its covariance is "
            "inflated by it");
@@ -88,7 +85,7 @@ void ReliabilityOptions::describe(OptionList& keys) {
 double positionNis(const CarState& predicted, const PoseFix& fix) {
   const Eigen::Matrix<double, 2, 4> H = observationMatrix(fix, predicted.mean(2)).topRows<2>();
   const Eigen::Matrix2d S = H * predicted.covariance * H.transpose() + fix.cov_p_m2;
-  return std::min(S.llt().matrixL().solve(residualOf(predicted, fix)).squaredNorm(), kMostNis);
+  return std::min(squaredMahalanobis(residualOf(predicted, fix), S), kMostNis);
 }
 
 SourceRecord firstRecord(double stamp_s, const CarState& predicted, const PoseFix& fix) {
@@ -96,6 +93,7 @@ SourceRecord firstRecord(double stamp_s, const CarState& predicted, const PoseFi
   first.source = fix.source;
   first.stamp_s = stamp_s;
   first.residual_m = first.own_residual_m = first.mean_m = residualOf(predicted, fix);
+  first.steady_since_s = stamp_s;
   first.rate_mps = Eigen::Vector2d::Zero();
   first.cov_m2 = fix.cov_p_m2;
   first.nis = positionNis(predicted, fix);
@@ -115,6 +113,7 @@ void record(SourceRecord& known, double stamp_s, const CarState& predicted, cons
   SourceRecord now = firstRecord(stamp_s, predicted, fix);
   now.left = known.left;
   now.left_by_m = known.left_by_m;
+  now.left_limit_m = known.left_limit_m;
   now.leapt = known.leapt;
   now.supported = known.supported;
   if (stamp_s - known.stamp_s <= options.fresh_s) {
@@ -127,7 +126,10 @@ void record(SourceRecord& known, double stamp_s, const CarState& predicted, cons
       const bool comes_back = now.residual_m.norm() < 0.5 * known.residual_m.norm();
       now.leapt = (known.leapt || known.confirms) && !comes_back;
     }
-    if (step <= kJump) now.mean_m = known.mean_m + share * (now.residual_m - known.mean_m);
+    if (step <= kJump) {
+      now.mean_m = known.mean_m + share * (now.residual_m - known.mean_m);
+      if (stamp_s - known.stamp_s <= kVoice_s) now.steady_since_s = known.steady_since_s;
+    }
     Eigen::Vector2d rate_mps = moved_m / (stamp_s - known.stamp_s);
     rate_mps *= std::min(1.0, kFastest_mps / std::max(kFastest_mps, rate_mps.norm()));
     now.steps = known.steps + 1;
@@ -151,7 +153,7 @@ double separation(const Eigen::Vector2d& apart_m, const Eigen::Matrix2d& cov_m2,
                   const ReliabilityOptions& options) {
   const double floor_m = options.separation_m / options.separation_sigmas;
   const Eigen::Matrix2d S = cov_m2 + floor_m * floor_m * Eigen::Matrix2d::Identity();
-  return S.llt().matrixL().solve(apart_m).norm();
+  return std::sqrt(squaredMahalanobis(apart_m, S));
 }
 
 void holdAgainstEachOther(std::vector<SourceRecord>& records, const MotionWitness& motion, double stamp_s,
@@ -184,7 +186,17 @@ void holdAgainstEachOther(std::vector<SourceRecord>& records, const MotionWitnes
     if (larger || moves_along) winners = set;
   }
 
-  const std::vector<double> outvoted_m = outvoted(records, witnesses, fresh, options);
+  const double vote_limit = chiSquareLimit(options.confirm_false_alarm, 2);
+  const auto hasVoice = [&](const SourceRecord& record) {
+    return stamp_s - record.stamp_s <= kVoice_s &&
+           stamp_s - record.steady_since_s >= kSteady_windows * options.window_s;
+  };
+  std::vector<std::size_t> voting;  // the motion does not: it follows whoever has the estimate
+  for (std::size_t i = 1; i < n; ++i) {
+    const SourceRecord& record = records[fresh[i - 1]];
+    if (!record.left && !record.leapt && hasVoice(record)) voting.push_back(i);
+  }
+
   Eigen::Vector2d mean_m = Eigen::Vector2d::Zero();
   for (std::size_t i = 0; i < n; ++i)
     if (winners >> i & 1) mean_m += witnesses[i].mean_m / sizeOf(winners);
@@ -192,10 +204,13 @@ void holdAgainstEachOther(std::vector<SourceRecord>& records, const MotionWitnes
     SourceRecord& record = records[fresh[i - 1]];
     const unsigned against = winners & ~agreeing[i];
     record.supported = fresh.size() < 2 || sizeOf(agreeing[i]) >= 2;
-    const bool is_outvoted = outvoted_m[i] > 0, disagrees = sizeOf(against) >= 2;
-    if (is_outvoted || disagrees) record.left = true;
+    std::vector<Witness> others;
+    for (const std::size_t j : voting)
+      if (j != i) others.push_back(witnesses[j]);
+    const auto vote = hasVoice(record) ? outvoted(witnesses[i], others, vote_limit) : std::nullopt;
+    if (vote || sizeOf(against) >= 2) record.left = true;
     if (!record.left) continue;
-    if (against != 0 || is_outvoted) {
+    if (against != 0 || vote) {
       record.with_others_since_s.reset();
     } else if (!record.with_others_since_s) {
       record.with_others_since_s = stamp_s;
@@ -203,9 +218,15 @@ void holdAgainstEachOther(std::vector<SourceRecord>& records, const MotionWitnes
     if (record.with_others_since_s && stamp_s - *record.with_others_since_s >= options.return_s) {
       record.left = false;
       record.with_others_since_s.reset();
+      continue;
     }
-    record.left_by_m = record.left ? (record.mean_m - mean_m).norm() : 0;
-    record.left_limit_m = is_outvoted && !disagrees ? outvoted_m[i] : options.separation_m;
+    if (vote) {
+      record.left_by_m = vote->by_m;
+      record.left_limit_m = vote->limit_m;
+    } else if (against != 0) {
+      record.left_by_m = (record.mean_m - mean_m).norm();
+      record.left_limit_m = options.separation_m;
+    }
   }
 }
 

@@ -35,13 +35,15 @@ struct SourceRecord {
    * residuals that do not agree. */
   Eigen::Vector2d own_residual_m;
   Eigen::Vector2d mean_m;    ///< of the residuals since it last jumped
+  double steady_since_s;     ///< when that mean last began anew, or the source spoke again after a silence
   Eigen::Vector2d rate_mps;  ///< mean rate of the residuals: an estimate with a wrong heading runs away
   int steps = 0;             ///< of which that is the mean: the first ones count alike
   Eigen::Matrix2d cov_m2;    ///< newest claim
   /** Residual against theta and claim, if the newest fix has a heading. Of a course, with all of b in theta. */
   std::optional<double> heading_rad, heading_sigma_rad;
   double nis = 0;  ///< of the newest fix, see positionNis()
-  /** While it has left: how far it is from the mean of the others, and how far would do. */
+  /** While it has left: how far from the others it was when they last disagreed, and how far would do. Of one that was
+   * outvoted the distance to the nearest of them, else to their mean. */
   double left_by_m = 0, left_limit_m = 0;
   /** Mean of half the normalised innovation squared: 1 if estimate and claim are right. */
   double contradiction = 1;

@@ -8,6 +8,7 @@
 #include "cloud/deskew.h"
 #include "core/labels.h"
 #include "fusion/chi_square.h"
+#include "fusion/measurement.h"
 #include "pipeline/planar_control.h"
 #include "sensors/gps_conversion.h"
 
@@ -288,14 +289,12 @@ std::optional<Registration> Localizer::search(const CovarianceCloud& source, con
                                               const std::optional<Eigen::Matrix2d>& claim_m2) {
   if (!x_window.moveTo(T_guess.translation().head<2>())) return std::nullopt;
   const GicpOptions& gicp = x_options.matching.registration;
-  if (claim_m2) {
+  const double limit = chiSquareLimit(x_options.estimator.reliability.confirm_false_alarm, 2);
+  if (claim_m2 && limit * claim_m2->trace() < std::pow(x_options.search.step_m, 2)) {
     const Registration here = align(x_context, source, x_window.target(), T_guess, gicp);
     if (here.trusted(gicp)) {
       const Eigen::Vector2d off_m = (here.T_target_source.translation() - T_guess.translation()).head<2>();
-      const Eigen::Matrix2d S = *claim_m2 + planarFix(here).cov_p_m2;
-      if (off_m.dot(S.inverse() * off_m) <=
-          chiSquareLimit(x_options.estimator.reliability.confirm_false_alarm, 2))
-        return here;
+      if (squaredMahalanobis(off_m, *claim_m2 + planarFix(here).cov_p_m2) <= limit) return here;
     }
   }
   Registration match = alignWithSearch(x_context, source, x_window.target(), T_guess, gicp, x_options.search);

@@ -176,8 +176,8 @@ class Localizer {
   void considerStart(const GpsFix& fix, const PoseFix& car);
   /** Where the fix of considerStart() says that the car is at an instant. */
   [[nodiscard]] std::optional<Pose> placeAt(double stamp_s) const;
-  /** Looks for the car around a place. The match that starts at the place wins if it is as near to it as both claim, where
-   * that is known of the place: stretches of a track look alike. */
+  /** Looks for the car around a place. Of a place that claims to be known better than the search's step, the match that starts
+   * there wins if it is as near as both claim: stretches of a track look alike. */
   [[nodiscard]] std::optional<Registration> search(const CovarianceCloud& source, const Pose& T_guess,
                                                    const std::optional<Eigen::Matrix2d>& claim_m2);
   /** Looks for the car around the fix of considerStart(). */

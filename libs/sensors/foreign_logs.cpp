@@ -76,7 +76,7 @@ Cloud readVelodyneBin(const std::string& path) {
   std::vector<float> values(bytes / sizeof(float));
   in.seekg(0);
   in.read(reinterpret_cast<char*>(values.data()), static_cast<std::streamsize>(bytes));
-  if (!in) throw InputError("scan " + path + ": cannot be read; check the path");
+  if (!in) throw InputError("scan " + path + ": cannot be read to its end; check the disk");
   Cloud cloud;
   cloud.reserve(values.size() / 4);
   for (std::size_t i = 0; i < values.size(); i += 4) {

@@ -297,13 +297,26 @@ TEST(FusionHistory, ASourceThatCreepsAcrossTheTrackDoesNotTakeItAlong) {
         };
         Random rnd(1);
         FusionHistory history = started();
-        EXPECT_LT(driven(history, drive(30, rnd, creep, 0, claims)).worst_m(5, 30),
-                  told_m + 0.5 * rate_mps + 0.1)
-            << creeping << " at " << rate_mps << " m/s; claims " << claims.receivers_m << ", "
-            << claims.match_m;
+        const Course r = driven(history, drive(30, rnd, creep, 0, claims));
+        SCOPED_TRACE(creeping + " at " + std::to_string(rate_mps) + " m/s; claims " +
+                     std::to_string(claims.receivers_m) + ", " + std::to_string(claims.match_m));
+        EXPECT_LT(r.worst_m(5, 30), told_m + 0.5 * rate_mps + 0.1);
+        for (const auto& d : r.decisions)
+          for (const auto& v : d.decision.sources) EXPECT_TRUE(!v.left || v.source == creeping) << v.source;
       }
     }
   }
+}
+
+// Of one that was silent, residuals are of before: they are no vote, and none against it.
+TEST(FusionHistory, ASourceThatWasSilentForAMomentHasNotLeft) {
+  const auto gaps = [](TimedFix& fix, Random&) {
+    return fix.fix.source != "gps_left" || std::fmod(fix.stamp_s, 1.0) > 0.4;
+  };
+  Random rnd(1);
+  FusionHistory history = started();
+  for (const auto& d : driven(history, drive(20, rnd, gaps, 0.01, {0.02, 0.03})).decisions)
+    for (const auto& v : d.decision.sources) EXPECT_FALSE(v.left) << v.source << " at " << d.stamp_s;
 }
 
 TEST(FusionHistory, NoiseOfOneSourceOrTwoHardlyShows) {

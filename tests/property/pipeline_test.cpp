@@ -145,7 +145,7 @@ TEST_F(LocalizerTest, AStreetThatLooksAlikeIsNotTakenForTheOneOfTheFix) {
     if (street_.x[i] < 20) two.push(street_.point(i));  // not surveyed to its end: the one beside fits better
   }
   saveMapOf(two);
-  const auto outputs = drive([](Sample&, Random&) { return true; });
+  const auto outputs = drive(none);
   ASSERT_TRUE(start_ && start_->by_match);
   EXPECT_LT(start_->match_to_fix_m, kMatch_m + 0.06);  // and three sigmas of the fix
   EXPECT_LT(worstError_m(outputs), kMatch_m);

@@ -3,7 +3,7 @@
 
 A file that was found clean is not looked at again until its preprocessed text (comments and macros included), the checks or
 clang-tidy itself change: the answers are kept in ${XDG_CACHE_HOME:-~/.cache}/raceloc/tidy, by hash. The others of one library
-are looked at together, a few at a time, as one source that includes them: what costs is the headers that they share.
+are looked at together, a few at a time, as one source: what costs is the headers that they share.
 """
 import argparse
 import collections
@@ -61,16 +61,26 @@ def batches(files):
             yield group[i::count]
 
 
+def tidy(source, entry):
+    """What clang-tidy says about a source that is compiled like this entry; empty when it is clean."""
+    done = subprocess.run(["clang-tidy", "--quiet", f"--config-file={ROOT / '.clang-tidy'}", str(source), "--",
+                           *compiler_words(entry)[1:]], cwd=entry["directory"], capture_output=True, text=True)
+    return done.stdout + done.stderr if done.returncode != 0 else ""
+
+
 def complaints_about(batch, entry):
-    """What clang-tidy says about the files, which are compiled like this entry; empty when they are clean."""
+    """{file: what clang-tidy says}, of those that are not clean. Where the files are clean one by one, what is wrong with all
+    of them in one source stands under the first."""
+    if len(batch) == 1:
+        said = tidy(batch[0], entry)
+        return {batch[0]: said} if said else {}
     with tempfile.TemporaryDirectory() as folder:
         together = pathlib.Path(folder, "together.cpp")
-        together.write_text("".join(f'#include "{file}"\n' for file in batch))
-        done = subprocess.run(["clang-tidy", "--quiet", f"--config-file={ROOT / '.clang-tidy'}",
-                               "--checks=-bugprone-suspicious-include",  # of a .cpp, as here
-                               str(together), "--",
-                               *compiler_words(entry)[1:]], cwd=entry["directory"], capture_output=True, text=True)
-    return done.stdout + done.stderr if done.returncode != 0 else ""
+        together.write_text("\n".join(file.read_text() for file in batch))  # some checks see only the main file
+        said = tidy(together, entry)
+    if not said:
+        return {}
+    return {file: words for file in batch if (words := tidy(file, entry))} or {batch[0]: said}
 
 
 def main():
@@ -80,7 +90,7 @@ def main():
     args = parser.parse_args()
     CACHE.mkdir(parents=True, exist_ok=True)
     version = subprocess.run(["clang-tidy", "--version"], capture_output=True, check=True).stdout
-    salt = version + (ROOT / ".clang-tidy").read_bytes()
+    salt = version + (ROOT / ".clang-tidy").read_bytes() + pathlib.Path(__file__).read_bytes()
 
     files = dict(sources(args.build_dir, args.folders))
     if not files:
@@ -91,14 +101,12 @@ def main():
         unknown = {file: files[file] for file, mark in marks.items() if not (mark and mark.exists())}
         work = list(batches(unknown))
         for batch, complaints in zip(work, pool.map(lambda b: complaints_about(b, files[b[0]]), work)):
-            if complaints:
-                bad += 1
-                print(complaints, flush=True)
-            else:
-                for mark in filter(None, map(marks.get, batch)):
+            bad += len(complaints)
+            print(*complaints.values(), sep="\n", end="", flush=True)
+            for mark in (marks[file] for file in batch if file not in complaints):
+                if mark:
                     mark.touch()
-    print(f"tidy: {len(files)} files, {len(files) - len(unknown)} of them known to be clean; "
-          f"{bad} of {len(work)} batches of the others with complaints")
+    print(f"tidy: {len(files)} files, {len(files) - len(unknown)} of them known to be clean, {bad} with complaints")
     sys.exit(1 if bad else 0)
 
 

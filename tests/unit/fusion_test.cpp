@@ -66,6 +66,17 @@ TEST(BayesGate, ThePrimaryIsFirstByPatternThenByName) {
   EXPECT_EQ(primary(""), "gps_left");
 }
 
+TEST(BayesGate, OfSeveralUnderOnePatternThePrimaryIsTheSurest) {
+  std::vector<PoseFix> fixes{fixAt("gps_left", 0, 0), fixAt("gps_right", 0, 0), fixAt("ins", 0, 0)};
+  fixes[1].cov_p_m2 *= 0.5;
+  fixes[2].cov_p_m2 *= 0.25;
+  GateOptions options;
+  options.primary_order = "gps_*";
+  EXPECT_EQ(gate(atOrigin(), fixes, options).fused->source, "gps_right");
+  options.primary_order = "";
+  EXPECT_EQ(gate(atOrigin(), fixes, options).fused->source, "ins");
+}
+
 TEST(BayesGate, BetweenEpsilonAndDeltaIsAWeightedSum) {
   // Deltas 1, 2, 3: lambda = 1 - Delta/6 = 5/6, 4/6, 3/6; over K - 1 = 2: 5/12, 4/12, 3/12.
   const auto result =
