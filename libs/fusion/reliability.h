@@ -30,14 +30,13 @@ struct ReliabilityOptions {
 struct SourceRecord {
   std::string source;
   double stamp_s;              ///< of its newest fix
+  double steady_since_s;       ///< when mean_m last began anew, or the source spoke again after a silence
   Eigen::Vector2d residual_m;  ///< newest, fix less estimate, map axes
   /** The same if the car's heading were what the fix says: of an estimate whose heading is far off, a lever arm makes
    * residuals that do not agree. */
   Eigen::Vector2d own_residual_m;
   Eigen::Vector2d mean_m;    ///< of the residuals since it last jumped
-  double steady_since_s;     ///< when that mean last began anew, or the source spoke again after a silence
   Eigen::Vector2d rate_mps;  ///< mean rate of the residuals: an estimate with a wrong heading runs away
-  int steps = 0;             ///< of which that is the mean: the first ones count alike
   Eigen::Matrix2d cov_m2;    ///< newest claim
   /** Residual against theta and claim, if the newest fix has a heading. Of a course, with all of b in theta. */
   std::optional<double> heading_rad, heading_sigma_rad;
@@ -49,6 +48,7 @@ struct SourceRecord {
   double contradiction = 1;
   double noise = 1;       ///< mean square step between residuals over what the claim lets expect
   double scatter = 1;     ///< the same with each step at most kMostStep: forgives soon
+  int steps = 0;          ///< of which rate_mps is the mean: the first ones count alike
   bool confirms = false;  ///< its newest fix was accepted, as its claim lets expect, and it is supported
   bool left = false;
   /** Another source or the car's own motion agrees with it, or there is no other source. */
