@@ -288,7 +288,7 @@ TEST(FusionHistory, ASourceThatCreepsAcrossTheTrackDoesNotTakeItAlong) {
       const double told_m =
           std::hypot(creeping == "scan_match" ? claims.match_m : claims.receivers_m, nearest_m) *
           std::sqrt(chiSquareLimit(options().reliability.confirm_false_alarm, 2));
-      for (const double rate_mps : {0.05, 0.1, 0.2, 0.3, 0.5, 1.0}) {
+      for (const double rate_mps : {0.05, 0.3, 1.0}) {
         const auto creep = [&](TimedFix& fix, Random&) {
           if (fix.fix.source == creeping && within(fix, 5, 30))
             fix.fix.p_map_m += Eigen::Rotation2Dd(truthAt(fix.stamp_s).heading_rad) *
