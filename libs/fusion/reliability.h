@@ -101,7 +101,8 @@ void record(SourceRecord& known, double stamp_s, const CarState& predicted, cons
  *
  * Sooner than that, a source has left that two others outvote: their mean residuals are as near to each other as their claims
  * let expect (confirm_false_alarm), and its own is not, to any of the others. Else the estimate would go along with one that
- * creeps away, until it is the others that contradict the estimate.
+ * creeps away, until it is the others that contradict the estimate. A vote have those that neither left nor leapt, spoke just
+ * now, and have done so without a break for two windows.
  * \param records  by name; at most 16 count */
 void holdAgainstEachOther(std::vector<SourceRecord>& records, const MotionWitness& motion, double stamp_s,
                           const ReliabilityOptions& options);
