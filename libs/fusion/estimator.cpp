@@ -11,7 +11,8 @@ namespace raceloc {
 namespace {
 
 /** Where the record of a source is, or would be. */
-std::vector<SourceRecord>::iterator placeOf(std::vector<SourceRecord>& records, const std::string& source) {
+template <class Records>
+auto placeOf(Records& records, const std::string& source) {
   return std::lower_bound(records.begin(), records.end(), source,
                           [](const SourceRecord& r, const std::string& name) { return r.source < name; });
 }
@@ -107,69 +108,78 @@ void Estimator::widen(EstimatorState& state, const std::vector<PoseFix>& fixes) 
   for (const PoseFix& fix : fixes) placeOf(state.records, fix.source)->nis = positionNis(state.car, fix);
 }
 
-GateDecision Estimator::decide(EstimatorState& state, std::vector<PoseFix> fixes) {
-  const ReliabilityOptions& reliability = x_options.reliability;
-  for (const PoseFix& fix : fixes) enter(state, fix, reliability);
-  holdAgainstEachOther(state.records, state.motion, state.stamp_s, reliability);
-  widen(state, fixes);
+bool Estimator::isConfirmed(const EstimatorState& state) const {
+  return std::any_of(state.records.begin(), state.records.end(), [&](const SourceRecord& r) {
+    return r.confirms && !r.left && state.stamp_s - r.stamp_s <= x_options.recovery.alone_s;
+  });
+}
+
+std::vector<SourceVerdict> Estimator::holdAgainst(EstimatorState& state,
+                                                  const std::vector<PoseFix>& fixes) const {
   std::vector<SourceVerdict> verdicts;
   for (const PoseFix& fix : fixes) {
     SourceRecord& known = *placeOf(state.records, fix.source);
+    known.confirms = known.nis <= x_confirm_limit && scattersAsClaimed(known) && known.supported;
     SourceVerdict verdict{fix.source, 0, 0, 0, 0, false};
     verdict.nis = known.nis;
     verdict.innovation_body_m = Eigen::Rotation2Dd(-state.car.mean(2)) * known.residual_m;
-    known.confirms = verdict.nis <= x_confirm_limit && scattersAsClaimed(known) && known.supported;
+    verdict.left = known.left;
+    verdict.confirms = known.confirms && !known.left;
+    const double excess =
+        scattersAsClaimed(known) ? known.contradiction : std::max(known.contradiction, known.noise);
+    if (excess > x_options.reliability.inflate_from) verdict.inflation = excess;
+    if (verdict.nis > x_confirm_limit) verdict.inflation = std::max(verdict.inflation, 0.5 * verdict.nis);
     verdicts.push_back(std::move(verdict));
   }
-  const auto isConfirmed = [&] {
-    return std::any_of(state.records.begin(), state.records.end(), [&](const SourceRecord& r) {
-      return r.confirms && !r.left && state.stamp_s - r.stamp_s <= x_options.recovery.alone_s;
-    });
-  };
-  const bool is_confirmed_before = isConfirmed();
-  const bool is_alone =
-      !is_confirmed_before && state.stamp_s - state.confirmed_s > x_options.recovery.alone_s;
+  return verdicts;
+}
+
+Estimator::Hearing Estimator::hear(const EstimatorState& state, std::vector<PoseFix> fixes,
+                                   std::vector<SourceVerdict>& verdicts) const {
+  const bool is_confirmed = isConfirmed(state);
+  const bool is_alone = !is_confirmed && state.stamp_s - state.confirmed_s > x_options.recovery.alone_s;
   CarState reckoned = state.car;  // with what dead reckoning may be off
   reckoned.covariance.topLeftCorner<2, 2>() +=
       std::pow(x_options.recovery.drift_share * state.alone_m, 2) * Eigen::Matrix2d::Identity();
 
-  std::vector<PoseFix> heard;
-  std::vector<std::size_t> numbers;  // of the fixes that are heard
+  Hearing heard;
   for (std::size_t i = 0; i < fixes.size(); ++i) {
     SourceVerdict& verdict = verdicts[i];
-    const auto known = placeOf(state.records, fixes[i].source);
-    const double excess =
-        scattersAsClaimed(*known) ? known->contradiction : std::max(known->contradiction, known->noise);
-    if (excess > reliability.inflate_from) verdict.inflation = excess;
-    if (verdict.nis > x_confirm_limit) verdict.inflation = std::max(verdict.inflation, 0.5 * verdict.nis);
-    verdict.left = known->left;
-    verdict.confirms = known->confirms && !known->left;
-    if (known->left) {
-      verdict.delta = known->left_by_m;
-      verdict.limit = known->left_limit_m;
-    } else if (is_confirmed_before && !known->confirms) {
-      verdict.delta = verdict.nis;
-      verdict.limit = x_confirm_limit;
-    } else if (const double nis = positionNis(reckoned, fixes[i]); is_alone && nis > x_confirm_limit) {
-      verdict.delta = nis;
+    const SourceRecord& known = *placeOf(state.records, fixes[i].source);
+    const bool contradicts = is_confirmed && !known.confirms;
+    const double far_nis = is_alone ? positionNis(reckoned, fixes[i]) : 0;
+    if (known.left) {
+      verdict.delta = known.left_by_m;
+      verdict.limit = known.left_limit_m;
+    } else if (contradicts || far_nis > x_confirm_limit) {
+      verdict.delta = contradicts ? verdict.nis : far_nis;
       verdict.limit = x_confirm_limit;
     } else {
       fixes[i].cov_p_m2 *= verdict.inflation;
       fixes[i].heading_sigma_rad *= std::sqrt(verdict.inflation);
-      if (is_confirmed_before && contradictsHeading(state.car, *known)) fixes[i].heading = HeadingKind::none;
-      heard.push_back(std::move(fixes[i]));
-      numbers.push_back(i);
+      if (is_confirmed && contradictsHeading(state.car, known)) fixes[i].heading = HeadingKind::none;
+      heard.fixes.push_back(std::move(fixes[i]));
+      heard.verdicts.push_back(i);
     }
   }
+  return heard;
+}
+
+GateDecision Estimator::decide(EstimatorState& state, std::vector<PoseFix> fixes) {
+  for (const PoseFix& fix : fixes) enter(state, fix, x_options.reliability);
+  holdAgainstEachOther(state.records, state.motion, state.stamp_s, x_options.reliability);
+  widen(state, fixes);
+  std::vector<SourceVerdict> verdicts = holdAgainst(state, fixes);
+  const Hearing heard = hear(state, std::move(fixes), verdicts);
 
   GateDecision decision{GateRule::rejected_all, {}, true};
-  if (!heard.empty()) {
+  if (!heard.fixes.empty()) {
     x_filter.setState(state.car);
-    decision = x_filter.correct(heard);
+    decision = x_filter.correct(heard.fixes);
     corrected(state, x_filter.state());
   }
-  for (std::size_t k = 0; k < numbers.size(); ++k) {
-    SourceVerdict& verdict = verdicts[numbers[k]];
+  for (std::size_t k = 0; k < heard.verdicts.size(); ++k) {
+    SourceVerdict& verdict = verdicts[heard.verdicts[k]];
     const SourceVerdict& gated = decision.sources[k];
     verdict.delta = gated.delta;
     verdict.limit = gated.limit;
@@ -181,16 +191,14 @@ GateDecision Estimator::decide(EstimatorState& state, std::vector<PoseFix> fixes
     if (known.confirms) known.leapt = false;
   }
   for (auto& verdict : verdicts) verdict.p_theta = conditionalProbability(verdict.delta);
-  if (heard.size() < verdicts.size() && decision.rule != GateRule::rejected_all)
+  if (heard.fixes.size() < verdicts.size() && decision.rule != GateRule::rejected_all)
     decision.rule = GateRule::rejected_some;
   decision.sources = std::move(verdicts);
-  const bool is_confirmed = isConfirmed();
-  decision.alarm = !is_confirmed;
-  if (is_confirmed) {
-    confirm(state);
-  } else {
+  decision.alarm = !isConfirmed(state);
+  if (decision.alarm)
     tryTwoKeys(state, decision);
-  }
+  else
+    confirm(state);
   return decision;
 }
 

@@ -66,7 +66,20 @@ class Estimator {
   [[nodiscard]] const EstimatorOptions& options() const { return x_options; }
 
  private:
+  /** What the gate is given. */
+  struct Hearing {
+    std::vector<PoseFix> fixes;
+    std::vector<std::size_t> verdicts;  ///< of each of them, its place among all
+  };
+
+  [[nodiscard]] bool isConfirmed(const EstimatorState& state) const;
   void widen(EstimatorState& state, const std::vector<PoseFix>& fixes) const;
+  /** What each source's own fix says of it; whether it confirms the estimate is noted in its record. */
+  [[nodiscard]] std::vector<SourceVerdict> holdAgainst(EstimatorState& state,
+                                                       const std::vector<PoseFix>& fixes) const;
+  /** The fixes that have a say, with the claims that are believed; why others have none goes into their verdicts. */
+  [[nodiscard]] Hearing hear(const EstimatorState& state, std::vector<PoseFix> fixes,
+                             std::vector<SourceVerdict>& verdicts) const;
   void corrected(EstimatorState& state, const CarState& to) const;
   [[nodiscard]] bool contradictsHeading(const CarState& predicted, const SourceRecord& record) const;
   void tryTwoKeys(EstimatorState& state, GateDecision& decision) const;

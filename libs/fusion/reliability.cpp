@@ -26,10 +26,11 @@ Eigen::Vector2d residualOf(const CarState& predicted, const PoseFix& fix) {
   return (readingOf(fix) - predictedReading(fix, predicted.mean)).head<2>();
 }
 
-/** Whoever may vouch for a position: a source, or the car's own motion. */
+/** Whoever may vouch for a position. */
 struct Witness {
   Eigen::Vector2d mean_m;
   Eigen::Matrix2d cov_m2;
+  SourceRecord* record;  // none: the car's own motion
 };
 
 /** Normalised by what both claim. */
@@ -37,21 +38,88 @@ double squaredDistance(const Witness& a, const Witness& b) {
   return squaredMahalanobis(a.mean_m - b.mean_m, a.cov_m2 + b.cov_m2);
 }
 
-int sizeOf(unsigned set) { return __builtin_popcount(set); }
+/** The car's motion, then the fresh sources that scatter as they claim. */
+std::vector<Witness> witnessesOf(std::vector<SourceRecord>& records, const MotionWitness& motion,
+                                 double stamp_s, const ReliabilityOptions& options) {
+  constexpr std::size_t kMost = 17;
+  std::vector<Witness> witnesses{{motion.offset.head<2>(), motion.covariance.topLeftCorner<2, 2>(), nullptr}};
+  for (SourceRecord& record : records) {
+    if (witnesses.size() == kMost) break;
+    if (stamp_s - record.stamp_s > options.fresh_s || !scattersAsClaimed(record)) continue;
+    witnesses.push_back({record.mean_m, record.cov_m2, &record});
+  }
+  return witnesses;
+}
+
+using Set = unsigned;  // of witnesses, a bit each
+int sizeOf(Set set) { return __builtin_popcount(set); }
+
+/** Of each witness those that agree with it, itself among them. */
+std::vector<Set> agreementsOf(const std::vector<Witness>& witnesses, const ReliabilityOptions& options) {
+  std::vector<Set> agreeing(witnesses.size());
+  for (std::size_t i = 0; i < witnesses.size(); ++i)
+    for (std::size_t j = 0; j < witnesses.size(); ++j)
+      if (separation(witnesses[i].mean_m - witnesses[j].mean_m, witnesses[i].cov_m2 + witnesses[j].cov_m2,
+                     options) <= options.separation_sigmas)
+        agreeing[i] |= 1U << j;
+  return agreeing;
+}
+
+/** The largest set that agrees with each other; of equally large ones that with the motion, then the first. */
+Set largestAgreement(const std::vector<Set>& agreeing) {
+  const std::size_t n = agreeing.size();
+  Set winners = 0;
+  for (Set set = 1; set < 1U << n; ++set) {
+    bool all_agree = true;
+    for (std::size_t i = 0; i < n && all_agree; ++i)
+      all_agree = (set >> i & 1) == 0 || (set & ~agreeing[i]) == 0;
+    if (!all_agree) continue;
+    const bool larger = sizeOf(set) > sizeOf(winners);
+    const bool moves_along = sizeOf(set) == sizeOf(winners) && (set & 1) > (winners & 1);
+    if (larger || moves_along) winners = set;
+  }
+  return winners;
+}
+
+Eigen::Vector2d meanOf(Set set, const std::vector<Witness>& witnesses) {
+  Eigen::Vector2d mean_m = Eigen::Vector2d::Zero();
+  for (std::size_t i = 0; i < witnesses.size(); ++i)
+    if (set >> i & 1) mean_m += witnesses[i].mean_m / sizeOf(set);
+  return mean_m;
+}
+
+bool hasVoice(const SourceRecord& record, double stamp_s, const ReliabilityOptions& options) {
+  return stamp_s - record.stamp_s <= kVoice_s &&
+         stamp_s - record.steady_since_s >= kSteady_windows * options.window_s;
+}
+
+/** Who may outvote a source. The motion does not: it follows whoever has the estimate. */
+std::vector<Witness> votersAmong(const std::vector<Witness>& witnesses, double stamp_s,
+                                 const ReliabilityOptions& options) {
+  std::vector<Witness> voters;
+  for (const Witness& w : witnesses)
+    if (w.record && !w.record->left && !w.record->leapt && hasVoice(*w.record, stamp_s, options))
+      voters.push_back(w);
+  return voters;
+}
 
 /** How far a source is from the others, and how far would do. */
 struct Separation {
   double by_m, limit_m;
 };
 
-/** The distance of a source from the nearest of the voters, if two of these agree with each other and none with it. */
-std::optional<Separation> outvoted(const Witness& source, const std::vector<Witness>& voters, double limit) {
-  const auto agrees = [&](const Witness& a, const Witness& b) { return squaredDistance(a, b) <= limit; };
+/** The distance of a source from the nearest of the other voters, if two of these agree with each other and none with
+ * it. */
+std::optional<Separation> outvoted(const Witness& source, std::vector<Witness> voters, double limit) {
+  voters.erase(std::remove_if(voters.begin(), voters.end(),
+                              [&](const Witness& w) { return w.record == source.record; }),
+               voters.end());
   bool two_agree = false;
   double nearest = HUGE_VAL, nearest_m = HUGE_VAL;
   for (auto one = voters.begin(); one != voters.end(); ++one) {
-    two_agree =
-        two_agree || std::any_of(voters.begin(), one, [&](const Witness& w) { return agrees(w, *one); });
+    two_agree = two_agree || std::any_of(voters.begin(), one, [&](const Witness& other) {
+                  return squaredDistance(other, *one) <= limit;
+                });
     const double distance = squaredDistance(source, *one);
     if (distance < nearest) {
       nearest = distance;
@@ -60,6 +128,21 @@ std::optional<Separation> outvoted(const Witness& source, const std::vector<Witn
   }
   if (!two_agree || nearest <= limit) return std::nullopt;
   return Separation{nearest_m, nearest_m * std::sqrt(limit / nearest)};
+}
+
+/** Of a source that has left. \param apart  none: it agrees with the others just now */
+void stayAwayOrReturn(SourceRecord& record, const std::optional<Separation>& apart, double stamp_s,
+                      double return_s) {
+  if (apart) {
+    record.with_others_since_s.reset();
+    record.left_by_m = apart->by_m;
+    record.left_limit_m = apart->limit_m;
+    return;
+  }
+  if (!record.with_others_since_s) record.with_others_since_s = stamp_s;
+  if (stamp_s - *record.with_others_since_s < return_s) return;
+  record.left = false;
+  record.with_others_since_s.reset();
 }
 
 }  // namespace
@@ -158,75 +241,23 @@ double separation(const Eigen::Vector2d& apart_m, const Eigen::Matrix2d& cov_m2,
 
 void holdAgainstEachOther(std::vector<SourceRecord>& records, const MotionWitness& motion, double stamp_s,
                           const ReliabilityOptions& options) {
-  constexpr std::size_t kMost = 16;
-  std::vector<Witness> witnesses{{motion.offset.head<2>(), motion.covariance.topLeftCorner<2, 2>()}};
-  std::vector<std::size_t> fresh;  // the record of each witness but the first
-  for (std::size_t k = 0; k < records.size() && fresh.size() < kMost; ++k) {
-    if (stamp_s - records[k].stamp_s > options.fresh_s || !scattersAsClaimed(records[k])) continue;
-    fresh.push_back(k);
-    witnesses.push_back({records[k].mean_m, records[k].cov_m2});
-  }
-
-  const std::size_t n = witnesses.size();
-  std::vector<unsigned> agreeing(n);  // sets of witnesses, as bits
-  for (std::size_t i = 0; i < n; ++i)
-    for (std::size_t j = 0; j < n; ++j)
-      if (separation(witnesses[i].mean_m - witnesses[j].mean_m, witnesses[i].cov_m2 + witnesses[j].cov_m2,
-                     options) <= options.separation_sigmas)
-        agreeing[i] |= 1U << j;
-
-  unsigned winners = 0;
-  for (unsigned set = 1; set < 1U << n; ++set) {
-    bool all_agree = true;
-    for (std::size_t i = 0; i < n && all_agree; ++i)
-      all_agree = (set >> i & 1) == 0 || (set & ~agreeing[i]) == 0;
-    if (!all_agree) continue;
-    const bool larger = sizeOf(set) > sizeOf(winners);
-    const bool moves_along = sizeOf(set) == sizeOf(winners) && (set & 1) > (winners & 1);
-    if (larger || moves_along) winners = set;
-  }
-
+  const std::vector<Witness> witnesses = witnessesOf(records, motion, stamp_s, options);
+  const std::vector<Set> agreeing = agreementsOf(witnesses, options);
+  const Set winners = largestAgreement(agreeing);
+  const Eigen::Vector2d mean_m = meanOf(winners, witnesses);
+  const std::vector<Witness> voters = votersAmong(witnesses, stamp_s, options);
   const double vote_limit = chiSquareLimit(options.confirm_false_alarm, 2);
-  const auto hasVoice = [&](const SourceRecord& record) {
-    return stamp_s - record.stamp_s <= kVoice_s &&
-           stamp_s - record.steady_since_s >= kSteady_windows * options.window_s;
-  };
-  std::vector<std::size_t> voting;  // the motion does not: it follows whoever has the estimate
-  for (std::size_t i = 1; i < n; ++i) {
-    const SourceRecord& record = records[fresh[i - 1]];
-    if (!record.left && !record.leapt && hasVoice(record)) voting.push_back(i);
-  }
+  const bool has_others = witnesses.size() > 2;
 
-  Eigen::Vector2d mean_m = Eigen::Vector2d::Zero();
-  for (std::size_t i = 0; i < n; ++i)
-    if (winners >> i & 1) mean_m += witnesses[i].mean_m / sizeOf(winners);
-  for (std::size_t i = 1; i < n; ++i) {
-    SourceRecord& record = records[fresh[i - 1]];
-    const unsigned against = winners & ~agreeing[i];
-    record.supported = fresh.size() < 2 || sizeOf(agreeing[i]) >= 2;
-    std::vector<Witness> others;
-    for (const std::size_t j : voting)
-      if (j != i) others.push_back(witnesses[j]);
-    const auto vote = hasVoice(record) ? outvoted(witnesses[i], others, vote_limit) : std::nullopt;
-    if (vote || sizeOf(against) >= 2) record.left = true;
-    if (!record.left) continue;
-    if (against != 0 || vote) {
-      record.with_others_since_s.reset();
-    } else if (!record.with_others_since_s) {
-      record.with_others_since_s = stamp_s;
-    }
-    if (record.with_others_since_s && stamp_s - *record.with_others_since_s >= options.return_s) {
-      record.left = false;
-      record.with_others_since_s.reset();
-      continue;
-    }
-    if (vote) {
-      record.left_by_m = vote->by_m;
-      record.left_limit_m = vote->limit_m;
-    } else if (against != 0) {
-      record.left_by_m = (record.mean_m - mean_m).norm();
-      record.left_limit_m = options.separation_m;
-    }
+  for (std::size_t i = 1; i < witnesses.size(); ++i) {
+    SourceRecord& record = *witnesses[i].record;
+    record.supported = !has_others || sizeOf(agreeing[i]) >= 2;
+    const Set against = winners & ~agreeing[i];
+    std::optional<Separation> apart;
+    if (hasVoice(record, stamp_s, options)) apart = outvoted(witnesses[i], voters, vote_limit);
+    if (apart || sizeOf(against) >= 2) record.left = true;
+    if (!apart && against != 0) apart = Separation{(record.mean_m - mean_m).norm(), options.separation_m};
+    if (record.left) stayAwayOrReturn(record, apart, stamp_s, options.return_s);
   }
 }
 

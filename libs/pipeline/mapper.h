@@ -2,7 +2,6 @@
  * Survey logs in, one georeferenced map out. */
 #pragma once
 
-#include <functional>
 #include <optional>
 #include <string>
 #include <vector>
@@ -10,10 +9,9 @@
 #include "core/trajectory.h"
 #include "graph/gps_spans.h"
 #include "map/map_content.h"
-#include "map/stage_store.h"
 #include "map/tiled_map.h"
 #include "pipeline/map_quality.h"
-#include "pipeline/survey.h"
+#include "pipeline/survey_stages.h"
 
 namespace raceloc {
 
@@ -68,12 +66,6 @@ struct MapInput {
  * too far apart to be of one place. */
 [[nodiscard]] MapInput mapInput(const std::vector<std::string>& log_paths, const std::string& race_line_path,
                                 const MapperOptions& options);
-
-/** Whether a build has kept the survey of a log: something to go on with. */
-[[nodiscard]] bool holdsSurveys(const StageStore& store);
-
-/** A stage of the work, and how far it is (0..1). */
-using StageProgress = std::function<void(const std::string& stage, double share)>;
 
 /** The whole chain: odometry of each log, GPS/INS graph and LiDAR graph, their alignment, racetrack IDs, loops, joint
  * refinement, refused GPS spans, tiles, road and walls. Logs without any GPS give a map without georeference, in the
