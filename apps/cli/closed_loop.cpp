@@ -7,12 +7,14 @@
 #include <memory>
 
 #include "cli/loop_localizer.h"
+#include "cli/loop_paths.h"
 #include "cloud/deskew.h"
 #include "core/labels.h"
 #include "sim/faults.h"
 #include "sim/path_tracker.h"
 #include "sim/scenery.h"
 #include "sim/wall_gap.h"
+#include "wall/tracked_path.h"
 
 namespace raceloc {
 
@@ -26,105 +28,12 @@ constexpr std::uint64_t kTicksPerScan = 10;
 constexpr double kScan_s = kTicksPerScan * kTick_s;
 constexpr double kSettle_s = 0.3;         // the simulated driver steers until sensors and scans are there
 constexpr double kHorizon_s = 2;          // of the line that the guard is told
-constexpr double kMostOffset_m = 1;       // that is steered against: a line is approached no steeper
 constexpr double kMostGrip = 0.95;        // of the tyres, at which the speed is planned
 constexpr double kNear_m = 20;            // of the line that the tracker needs
 constexpr double kScanLatency_s = 0.04;   // of the LiDAR, and of finding the wall
 constexpr double kMatchLatency_s = 0.06;  // of a scan match
 constexpr double kMatchSigma_m = 0.03, kMatchSigma_rad = 0.05 * kDegree;
 constexpr double kNone = std::numeric_limits<double>::quiet_NaN();
-
-/** A line of the circuit in the frame of a car that is, or believes to be, at (x, y, theta) on the road; empty when that
- * is not near the road. The road must be level along its centre line: it leans to the side only. */
-Path linePath(const Track& track, const RacingLine& line, const Eigen::Vector3d& x_y_theta, double ahead_m) {
-  const double z_m = track.at(0).T_map_road.translation().z();
-  const auto place = track.locate({x_y_theta.x(), x_y_theta.y(), z_m});
-  if (!place) return {};
-  // Seen from above, what lies across the road is shorter than it is in the surface.
-  const RoadFrame road = track.at(place->s_m);
-  const Eigen::Vector2d left = road.T_map_road.linear().col(1).head<2>();
-  const double n_m =
-      (x_y_theta.head<2>() - road.T_map_road.translation().head<2>()).dot(left) / left.squaredNorm();
-  const Pose T_map_surface = track.surface(place->s_m, n_m).T_map_surface;
-  const double turn_rad = x_y_theta.z() - yawOf(T_map_surface);
-  const double heading_rad = std::atan2(std::sin(turn_rad), left.norm() * std::cos(turn_rad));
-  const Pose T_body_map =
-      (T_map_surface * Eigen::AngleAxisd(heading_rad, Eigen::Vector3d::UnitZ())).inverse();
-
-  constexpr int kBehind_m = 5;
-  Path path;
-  for (int at_m = -kBehind_m; at_m <= ahead_m; ++at_m) {
-    const double s_m = at_m;
-    const auto point = line.at(place->s_m + s_m);
-    const Pose T_body_point = T_body_map * track.surface(place->s_m + s_m, point.n_m).T_map_surface;
-    const Eigen::Vector3d p_m = T_body_point.translation();
-    const double length_m =
-        path.empty() ? 0 : path.back().s_m + std::hypot(p_m.x() - path.back().x_m, p_m.y() - path.back().y_m);
-    path.push_back(
-        {length_m, p_m.x(), p_m.y(), yawOf(T_body_point) + point.direction_rad, point.curvature_per_m});
-  }
-  return path;
-}
-
-double curvatureAt(const Path& path, double s_m) {
-  const auto next = std::find_if(path.begin(), path.end(), [&](const PathPoint& q) { return q.s_m >= s_m; });
-  if (next == path.end()) return path.back().curvature_per_m;
-  if (next == path.begin()) return next->curvature_per_m;
-  const PathPoint& before = *std::prev(next);
-  const double share = (s_m - before.s_m) / (next->s_m - before.s_m);
-  return (1 - share) * before.curvature_per_m + share * next->curvature_per_m;
-}
-
-/** The point of a path beside a place: on an arc from the nearest point of at least one. */
-PathPoint beside(const Path& path, const Eigen::Vector2d& p_m) {
-  const auto from_m = [&](const PathPoint& q) { return Eigen::Vector2d(p_m.x() - q.x_m, p_m.y() - q.y_m); };
-  const PathPoint near =
-      *std::min_element(path.begin(), path.end(), [&](const PathPoint& a, const PathPoint& b) {
-        return from_m(a).squaredNorm() < from_m(b).squaredNorm();
-      });
-  const double along_m = (Eigen::Rotation2Dd(-near.heading_rad) * from_m(near)).x();
-  const double middle_rad = near.heading_rad + 0.5 * along_m * near.curvature_per_m;
-  return {near.s_m + along_m, near.x_m + along_m * std::cos(middle_rad),
-          near.y_m + along_m * std::sin(middle_rad), near.heading_rad + along_m * near.curvature_per_m,
-          curvatureAt(path, near.s_m + along_m)};
-}
-
-/** A path as it lies about a car. \param path  at least one point \param up_body  in the car's axes */
-PathAhead aheadOn(const Path& path, const Pose& T_path_body, double speed_mps,
-                  const Eigen::Vector3d& up_body) {
-  const Eigen::Vector2d p_m = T_path_body.translation().head<2>();
-  const PathPoint here = beside(path, p_m);
-  const double curvature_per_m = curvatureAt(path, here.s_m + speed_mps * kReaction_s);
-  const double left_m =
-      (Eigen::Rotation2Dd(-here.heading_rad) * (p_m - Eigen::Vector2d(here.x_m, here.y_m))).y();
-  return {std::clamp(left_m, -kMostOffset_m, kMostOffset_m),
-          yawOf(T_path_body),
-          here.heading_rad,
-          curvature_per_m,
-          -curvature_per_m * up_body.y() / up_body.z(),  // a level turn, seen from a road that leans
-          up_body.y(),
-          up_body.z()};
-}
-
-/** What a car drives that tracks a line: from where it is onto the line, as aheadOn() lets it.
- * \param line  body frame \param ahead_m  at which the tracker looks */
-Path driven(const Path& line, double ahead_m) {
-  if (line.empty()) return {};
-  const PathPoint here = beside(line, Eigen::Vector2d::Zero());
-  double off_m = (Eigen::Rotation2Dd(-here.heading_rad) * -Eigen::Vector2d(here.x_m, here.y_m)).y();
-  Path path;
-  for (PathPoint q : line) {
-    q.s_m -= here.s_m;
-    if (q.s_m < 0) continue;
-    const double slope = -std::clamp(off_m, -kMostOffset_m, kMostOffset_m) / ahead_m;
-    off_m += slope * (q.s_m - (path.empty() ? 0 : path.back().s_m));
-    q.x_m -= off_m * std::sin(q.heading_rad);
-    q.y_m += off_m * std::cos(q.heading_rad);
-    q.heading_rad += std::atan(slope);
-    path.push_back(q);
-  }
-  return path;
-}
 
 /** Scans to walls, as the module in the car makes them. */
 class WallFinder {

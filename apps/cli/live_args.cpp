@@ -1,17 +1,17 @@
 #include "cli/live_args.h"
 
-#include <cmath>
+#include <chrono>
 #include <cstdio>
 #include <iostream>
-#include <memory>
+#include <utility>
 
 #include "cli/app.h"
+#include "cli/live_outputs.h"
 #include "cli/live_run.h"
-#include "cli/odometry_text.h"
+#include "cli/live_text.h"
 #include "core/errors.h"
 #include "pipeline/line_stream.h"
-#include "pipeline/run_csv.h"
-#include "pipeline/sweep_scene.h"
+#include "track/driven_line.h"
 
 namespace raceloc {
 
@@ -23,6 +23,7 @@ constexpr char kLiveManual[] = R"(NAME
 SYNOPSIS
   raceloc-live -c INI -m MAP.rlmap -i RACE.rawlog [-o ANNOTATED.rawlog] [--trajectory RACE.tum]
                [--integrity FILE.csv] [--decisions FILE.csv] [--latency FILE.csv] [--scene SWEEP.3Dscene]
+               [--race-line LINE.csv]
   raceloc-live -c INI -m MAP.rlmap -i RACE.rawlog --speed 1 [--record BLACKBOX.rawlog] ...
   raceloc-live -c INI -m MAP.rlmap --sensors SENSORS.ini [--record BLACKBOX.rawlog] ...
   raceloc-live -c INI --odometry-only -i RACE.rawlog --trajectory ODOMETRY.tum
@@ -41,6 +42,8 @@ DESCRIPTION
   path or one along a wall: because nothing can be believed, or because the car comes too close. Walls, guard and path
   are in the annotated log and in the stream; --scene writes the first sweep in which the guard took over, or else the
   last one, for SceneViewer3D: scan, what stands on the ground by clusters, walls, path.
+  With --race-line, a closed line as raceloc-map takes it (x_m, y_m east and north of the map's origin), the planned path is
+  that one, from where the car is onto it; without, or while the car is not localized, it is the arc that it drives.
   A GPS fix with a heading says where to look for the car, and a scan match there starts the filter.
   A map of another place, or not of the content hash that --map-hash demands (raceloc-map check prints it), is
   refused; a damaged tile of the right one is left out and named.
@@ -66,126 +69,6 @@ EXIT STATUS
   missing or wrong (one line says which); 1 a fault of raceloc.
 )";
 
-void print(const ReplayReport& r) {
-  std::printf("device           %s\n", r.device_reason.c_str());
-  std::printf("recording        %.1f s; %zu outputs, %zu tile loads\n", r.recorded_s, r.outputs,
-              r.tile_loads);
-  if (!r.start)
-    std::printf("start            NONE: no fix with a heading, or no scan match near one\n");
-  else if (r.start->by_match)
-    std::printf("start            after %.2f s: scan match %.2f m from the fix of %s\n",
-                r.start->stamp_s - r.first_s, r.start->match_to_fix_m, r.start->receiver.c_str());
-  else
-    std::printf("start            after %.2f s: by the fix of %s ALONE, no scan match near it\n",
-                r.start->stamp_s - r.first_s, r.start->receiver.c_str());
-  if (r.dropped_late > 0)
-    std::printf("dropped          %zu samples, late beyond the window or not finite\n", r.dropped_late);
-  if (r.passed_over > 0)
-    std::printf("passed over      %zu sweeps, which ended before the estimate's time\n", r.passed_over);
-  printFaults(r.faults);
-  if (r.without_wheels > 0)
-    std::printf("DEGRADED         %zu outputs without speed and yaw rate: the last ones went on\n",
-                r.without_wheels);
-  if (r.disabled_samples > 0) std::printf("disabled         %zu samples, as asked\n", r.disabled_samples);
-  std::printf(
-      "scan match       %zu of %zu sweeps trusted; residual %.3f m across the surface, inlier share %.2f, "
-      "%.0f "
-      "iterations (medians)\n",
-      r.trusted_matches, r.scans, r.match_residual_m, r.match_inlier_share, r.match_iterations);
-  std::printf(
-      "gate             rule 1 (primary) %zu, 2 (weighted) %zu, 3 (some rejected) %zu, 4 (all rejected) %zu; "
-      "%zu "
-      "alarms\n",
-      r.rule_counts[1], r.rule_counts[2], r.rule_counts[3], r.rule_counts[4], r.alarms);
-  std::printf(
-      "state            ok %zu, degraded %zu, dead reckoning %zu, lost %zu outputs; %zu resets by two "
-      "sources, %zu searches\n",
-      r.state_counts[0], r.state_counts[1], r.state_counts[2], r.state_counts[3], r.resets, r.searches);
-  std::printf(
-      "walls            left seen in %zu, right in %zu sweeps; guard: localized %zu, wall following %zu, "
-      "emergency %zu, "
-      "no wall %zu sweeps\n",
-      r.walls_left, r.walls_right, r.guard_counts[0], r.guard_counts[1], r.guard_counts[2],
-      r.guard_counts[3]);
-  for (const auto& [cause, times] : r.causes)
-    std::printf("NOT OK           %zu outputs: %s\n", times, cause.c_str());
-  std::printf("scan to pose     %.1f ms median, %.1f ms p99, %.1f ms max\n", 1e3 * r.match_median_s,
-              1e3 * r.match_p99_s, 1e3 * r.match_max_s);
-}
-
-void print(const OdometryReport& r) {
-  std::printf("device           %s\n", r.device_reason.c_str());
-  printOdometry(r.odometry, r.recorded_s, r.dropped_late);
-  const auto learnt = [&](const char* what, int k, double per_unit, const char* unit) {
-    std::printf("%-16s %.4f +- %.4f %s\n", what, r.calibration(k) / per_unit,
-                r.calibration_sigma(k) / per_unit, unit);
-  };
-  learnt("gyro bias x", kGyroBiasX, kDegree, "deg/s");
-  learnt("gyro bias y", kGyroBiasY, kDegree, "deg/s");
-  learnt("gyro bias z", kGyroBiasZ, kDegree, "deg/s");
-  learnt("wheel scale", kWheelScale, 0.01, "%");
-  learnt("traction slip", kTraction, 0.01, "% per m/s^2");
-  learnt("steering offset", kSteeringOffset, kDegree, "deg");
-  learnt("side-slip", kSideslip, kDegree, "deg per m/s^2");
-  if (r.level)
-    std::printf("level            roll %.2f, pitch %.2f +- %.2f deg at the end, by the accelerometer\n",
-                r.level->roll_rad() / kDegree, r.level->pitch_rad() / kDegree, r.level->sigma_rad / kDegree);
-}
-
-/** How often the gate throws out a source whose errors are what it claims. */
-void printFalseRejects(const EstimatorOptions& options) {
-  const GateOptions& gate = options.gate;
-  if (gate.metric == GateMetric::chi2) {
-    std::printf("gate             chi2: a sound fix is rejected with probability %.1e\n",
-                gate.delta_false_alarm);
-  } else {
-    // On two axes of sigma each, a fix is farther off than delta with probability exp(-delta^2 / (2 sigma^2)).
-    const auto exponent = [&](double sigma_m) {
-      return -std::pow(gate.delta_m / sigma_m, 2) / 2 / std::log(10.0);
-    };
-    std::printf(
-        "gate             metric, to %.2f m: a sound fix is rejected with probability 1e%.0f at 0.1 m, "
-        "1e%.1f "
-        "at 1 m\n",
-        gate.delta_m, exponent(0.1), exponent(1));
-  }
-  std::printf(
-      "reliability      while others confirm the estimate, a sound fix is left out with probability %.0e\n",
-      options.reliability.confirm_false_alarm);
-}
-
-/** The sweep of --scene: the first in which the guard took over, or else the last. */
-class SceneToKeep {
- public:
-  explicit SceneToKeep(const std::string& path) : x_file(path) {}
-  void see(const LocalizerOutput& output) {
-    if (x_is_final || !output.scan_match || !output.walls) return;
-    x_output = output;
-    x_is_final = output.walls->guard.state != GuardState::localized;
-  }
-  /** \return whether there was one */
-  [[nodiscard]] bool write() {
-    if (!x_output) return false;
-    if (!sweepScene(*x_output)->saveToFile(x_file.temporaryPath())) throw cannotWrite(x_file.path());
-    x_file.commit();
-    return true;
-  }
-
- private:
-  OutputFile x_file;
-  std::optional<LocalizerOutput> x_output;
-  bool x_is_final = false;
-};
-
-/** The tables that were asked for. */
-std::vector<std::unique_ptr<RunCsv>> tablesOf(const LiveArgs& args) {
-  std::vector<std::unique_ptr<RunCsv>> tables;
-  if (!args.integrity_path.empty()) tables.push_back(std::make_unique<IntegrityCsv>(args.integrity_path));
-  if (!args.decisions_path.empty()) tables.push_back(std::make_unique<DecisionCsv>(args.decisions_path));
-  if (!args.latency_path.empty()) tables.push_back(std::make_unique<LatencyCsv>(args.latency_path));
-  return tables;
-}
-
 /** Runs `play(goOn)` with a line of progress, until it ends or somebody wants no more of it. */
 template <class Play>
 auto played(const char* what, const Play& play) {
@@ -208,7 +91,7 @@ void requireConsistent(const LiveArgs& args) {
     throw InputError("--speed is for a log (-i), and must be > 0 .. 1000 times the pace of its stamps");
   if (!args.record_path.empty() && !is_live)
     throw InputError("--record is for --sensors or --speed: the log that is played is recorded already");
-  requireApart({args.ini_path, args.map_path, args.rawlog_path, args.sensors_path},
+  requireApart({args.ini_path, args.map_path, args.rawlog_path, args.sensors_path, args.race_line_path},
                {args.output_path, args.trajectory_path, args.integrity_path, args.decisions_path,
                 args.latency_path, args.record_path, args.scene_path});
   if (!args.odometry_only) {
@@ -217,10 +100,12 @@ void requireConsistent(const LiveArgs& args) {
     return;
   }
   if (is_live) throw InputError("--odometry-only plays a log (-i) as fast as it goes");
-  for (const std::string* path : {&args.map_path, &args.output_path, &args.integrity_path,
-                                  &args.decisions_path, &args.latency_path, &args.scene_path})
+  for (const std::string* path :
+       {&args.map_path, &args.output_path, &args.integrity_path, &args.decisions_path, &args.latency_path,
+        &args.scene_path, &args.race_line_path})
     if (!path->empty())
-      throw InputError("--odometry-only takes no map (-m) and writes nothing but --trajectory: " + *path);
+      throw InputError("--odometry-only takes no map (-m) or line and writes nothing but --trajectory: " +
+                       *path);
   if (args.trajectory_path.empty())
     throw InputError("--odometry-only needs --trajectory ODOMETRY.tum (see --help)");
 }
@@ -251,6 +136,8 @@ std::optional<LiveArgs> parseLiveArgs(int argc, char** argv) {
                                        "", "FILE.csv", cmd);
   TCLAP::ValueArg<std::string> scene("", "scene", "sweep with its walls to write, for SceneViewer3D", false,
                                      "", "SWEEP.3Dscene", cmd);
+  TCLAP::ValueArg<std::string> race_line("", "race-line", "the line that the car drives", false, "",
+                                         "LINE.csv", cmd);
   TCLAP::ValueArg<std::string> disable("", "disable", "switch off the sources of these labels, e.g. 'gps_*'",
                                        false, "", "LABELS", cmd);
   TCLAP::ValueArg<double> after("", "disable-after", "but hear them for this long first [s]", false, 1.0,
@@ -275,6 +162,7 @@ std::optional<LiveArgs> parseLiveArgs(int argc, char** argv) {
   args.latency_path = latency.getValue();
   args.record_path = record.getValue();
   args.scene_path = scene.getValue();
+  args.race_line_path = race_line.getValue();
   args.odometry_only = odometry_only.getValue();
   args.verbose = verbose.getValue();
   args.print_ini = print_ini.getValue();
@@ -298,9 +186,9 @@ void runLive(const LiveArgs& args) {
   if (args.disable_labels) options.live.disable_labels = *args.disable_labels;
   if (args.disable_after_s) options.live.disable_after_s = *args.disable_after_s;
   if (args.map_hash) options.live.map_hash = *args.map_hash;
+  if (!args.race_line_path.empty()) options.localizer.race_line_m = readDrivenLine(args.race_line_path);
   if (args.verbose) std::cout << options.iniText() << "\n";
-  std::optional<OutputFile> probe;  // an output that cannot be written is told before the work, not after
-  if (!args.trajectory_path.empty()) probe.emplace(args.trajectory_path);
+  LiveOutputs outputs(args);
   std::optional<LineStream> stream;
   if (!options.live.stream.empty()) {
     stream.emplace(options.live.stream);
@@ -312,26 +200,9 @@ void runLive(const LiveArgs& args) {
   const auto start = std::chrono::steady_clock::now();
   double recorded_s = 0;
   std::vector<std::string> kept;
-  const auto tables = tablesOf(args);
-  std::optional<SceneToKeep> scene;
-  if (!args.scene_path.empty()) scene.emplace(args.scene_path);
-  const Listener write = [&](const LocalizerOutput& output) {
-    for (const auto& table : tables) table->write(output);
-    if (scene) scene->see(output);
-  };
+  const Listener write = [&](const LocalizerOutput& output) { outputs.see(output); };
   const auto finish = [&](const auto& report) {
-    for (const auto& table : tables) {
-      table->commit();
-      kept.push_back(table->path());
-    }
-    if (scene && scene->write())
-      kept.push_back(args.scene_path);
-    else if (scene)
-      std::printf("scene            NONE: no sweep was looked at\n");
-    if (!args.trajectory_path.empty() && !report.trajectory.poses.empty()) {
-      writeTum(args.trajectory_path, report.trajectory);
-      kept.push_back(args.trajectory_path);
-    }
+    for (auto& path : outputs.commit(report.trajectory)) kept.push_back(std::move(path));
     print(report);
     recorded_s = report.recorded_s;
   };

@@ -10,7 +10,7 @@ namespace raceloc {
 /** Command line of raceloc-live. */
 struct LiveArgs {
   std::string ini_path, map_path, rawlog_path, sensors_path, output_path, trajectory_path, integrity_path,
-      decisions_path, latency_path, record_path, scene_path;
+      decisions_path, latency_path, record_path, scene_path, race_line_path;
   std::optional<double> speed;  ///< of a log's time against ours; none: as fast as it goes
   std::optional<std::string> disable_labels;
   std::optional<double> disable_after_s;

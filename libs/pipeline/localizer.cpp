@@ -3,9 +3,11 @@
 #include <algorithm>
 #include <chrono>
 #include <cmath>
+#include <limits>
 #include <utility>
 
 #include "cloud/deskew.h"
+#include "core/errors.h"
 #include "core/labels.h"
 #include "fusion/chi_square.h"
 #include "fusion/measurement.h"
@@ -25,11 +27,6 @@ Pose withPlanar(const Pose& T, double x_m, double y_m, double theta_rad) {
   return out;
 }
 
-/** Adds what a receiver does not tell of: it is never believed to be better than sigma on any axis. */
-Eigen::Matrix2d floored(const Eigen::Matrix2d& covariance, double sigma_m) {
-  return covariance + sigma_m * sigma_m * Eigen::Matrix2d::Identity();
-}
-
 /** A match as a planar fix: the covariance of the right increment, turned into the map. */
 PoseFix planarFix(const Registration& match) {
   const Eigen::Matrix3d R = match.T_target_source.linear();
@@ -43,11 +40,23 @@ PoseFix planarFix(const Registration& match) {
           std::sqrt(cov_r(2, 2))};
 }
 
-/** The lever arm as it lies in the plane, in the axes of the heading. */
-Eigen::Vector2d planarLever(const Eigen::Matrix3d& R_map_body, const Eigen::Vector3d& p_body_m) {
-  Pose T = Pose::Identity();
-  T.linear() = R_map_body;
-  return Eigen::Rotation2Dd(-yawOf(T)) * (R_map_body * p_body_m).head<2>();
+/** A line with the heights of the map's road. \throws InputError if it is nowhere near where the map was driven */
+ToldLine toldOn(const MapContent& content, const TrackSurface& surface, std::vector<Eigen::Vector3d> line_m) {
+  constexpr double kNear_m = 50;
+  const auto isDriven = [&](const Eigen::Vector3d& p_m) {
+    return std::any_of(content.key_poses.begin(), content.key_poses.end(), [&](const KeyPose& key) {
+      return (key.T_map_body.translation() - p_m).head<2>().norm() < kNear_m;
+    });
+  };
+  if (std::none_of(line_m.begin(), line_m.end(), isDriven))
+    throw InputError(
+        "race line: the map is nowhere near it; its metres are east and north of the map's origin");
+  for (std::size_t i = 0; i < line_m.size(); ++i) {
+    const Eigen::Vector3d along_m = line_m[(i + 1) % line_m.size()] - line_m[i];
+    const auto place = surface.at(line_m[i].head<2>(), std::atan2(along_m.y(), along_m.x()));
+    line_m[i].z() = place && place->road ? place->road->height_m : std::numeric_limits<double>::quiet_NaN();
+  }
+  return ToldLine(line_m);
 }
 
 constexpr double kMatchMemory_s = 1;
@@ -65,35 +74,9 @@ const SourceVerdict* verdictOn(const LocalizerOutput& output, const std::string&
   return found == verdicts.end() ? nullptr : &*found;
 }
 
-void LocalizerPolicy::describe(OptionList& keys) {
-  keys.add("map_radius_m", map_radius_m, above(0), "tiles within this distance of the car are held [m]");
-  keys.add("output_period_s", output_period_s, above(0),
-           "an estimate comes with each message of the car's own motion, or so long after the last [s]");
-  keys.add("match_delay_s", match_delay_s, between(0, 0.1),
-           "an estimate hears of a scan match so long after its sweep came, so that replays give the same "
-           "bits: what a match "
-           "takes on this computer, most of the time [s]");
-  keys.add("max_fix_age_s", max_fix_age_s, above(0), "older fixes do not tell where to look for the car [s]");
-  keys.add("min_course_speed_mps", min_course_speed_mps, above(0), "slower, two fixes give no course [m/s]");
-  keys.add("course_sigma_deg", course_sigma_deg, above(0), "error of the course between two fixes [deg]");
-  keys.add("gps_min_sigma_m", gps_min_sigma_m, above(0),
-           "no fix is believed to be better than this per axis [m]");
-  keys.add("start_patience_s", start_patience_s, above(0),
-           "without a scan match near a fix for this long, the fix starts the filter alone [s]");
-  keys.add("search_after", search_after, atLeast(1),
-           "after so many scan matches in a row that cannot be trusted, the car is looked for around a fix");
-}
-
-void TrialOptions::describe(OptionList& keys) {
-  keys.add("noise_labels", noise_labels,
-           "for experiments only: sources whose positions get white noise, e.g. scan_match; empty: none");
-  keys.add("noise_m", noise_m, atLeast(0), "its sigma on each axis [m]");
-  keys.add("noise_after_s", noise_after_s, atLeast(0), "so long after the start [s]");
-  keys.add("noise_seed", noise_seed, atLeast(0), "of the noise");
-}
-
 Localizer::Localizer(gpu::Context& context, const MapFile& map, const LocalizerOptions& options)
-    : x_window(context, map, options.matching.registration.voxel_size_m, options.policy.map_radius_m),
+    : x_receivers(options.policy),
+      x_window(context, map, options.matching.registration.voxel_size_m, options.policy.map_radius_m),
       x_history(options.matching.motion, options.matching.calibration),
       x_context(context),
       x_queue(labelsNamed(options.matching.log.lidar_labels)),
@@ -105,6 +88,7 @@ Localizer::Localizer(gpu::Context& context, const MapFile& map, const LocalizerO
       x_guard(options.guard, options.wall_path),
       x_follower(options.wall_path),
       x_trial_engine(static_cast<unsigned>(options.trial.noise_seed)) {
+  if (options.race_line_m) x_told = toldOn(map.content(), x_surface, *options.race_line_m);
   (void)Estimator(options.estimator);  // options that contradict each other are refused before the first fix
 }
 
@@ -165,7 +149,7 @@ void Localizer::take(const ImuSample& sample) { x_history.add(sample); }
 void Localizer::take(const InsPose& pose) {
   const bool is_sound = pose.T_map_body.matrix().allFinite() && pose.covariance(2, 2) > 0;
   if (is_sound)
-    x_receivers[pose.label].ins = pose;
+    x_receivers.take(pose);
   else
     ++x_noted[pose.label + ": an INS pose without a value"];
 }
@@ -179,11 +163,21 @@ void Localizer::take(const GpsFix& fix) {
     ++x_noted[fix.label + ": a fix that is no number"];
     return;
   }
-  Receiver& receiver = x_receivers[fix.label];
-  auto car = carFix(fix, receiver);
-  receiver.previous = fix;
-  if (car && car->heading != HeadingKind::none) considerStart(fix, *car);
-  if (started() && car) enter(fix.stamp_s, std::move(*car));
+  auto car = x_receivers.take(fix, carMotion());
+  if (!car) return;
+  if (!started()) startByFix();
+  if (started()) enter(fix.stamp_s, std::move(*car));
+}
+
+void Localizer::startByFix() {
+  const auto& place = x_receivers.place();
+  if (!place || place->stamp_s - place->first_fix_s <= x_options.policy.start_patience_s) return;
+  start(place->stamp_s, place->T_map_body, {place->stamp_s, place->receiver, false, 0});
+}
+
+CarMotion Localizer::carMotion() const {
+  if (!started()) return {std::nullopt, x_last_rates.yaw_rate_rps, 0};
+  return {x_T_map_body.linear(), x_last_rates.yaw_rate_rps, x_fusion->newestControl().slip_rad};
 }
 
 void Localizer::enter(double stamp_s, PoseFix fix) {
@@ -226,63 +220,14 @@ Eigen::Vector2d Localizer::trialNoise(const std::string& source, double stamp_s)
   return {east_m, north_m};
 }
 
-std::optional<PoseFix> Localizer::carFix(const GpsFix& fix, const Receiver& receiver) const {
-  constexpr double kSameEpoch_s = 0.005, kCourseMemory_s = 1.5, kWorthlessCourse_rad = 0.3;
-  constexpr double kBestHeading_rad = 1e-3;  // no INS is better, whatever it claims
-  PoseFix car{fix.label, fix.p_map_antenna_m.head<2>(),
-              floored(fix.cov_map_m2.topLeftCorner<2, 2>(), x_options.policy.gps_min_sigma_m)};
-  Eigen::Matrix3d R_map_body = x_T_map_body.linear();
-  if (receiver.ins && std::abs(receiver.ins->stamp_s - fix.stamp_s) < kSameEpoch_s) {
-    R_map_body = receiver.ins->T_map_body.linear();
-    car.heading = HeadingKind::body;
-    car.heading_rad = yawOf(receiver.ins->T_map_body);
-    car.heading_sigma_rad = std::max(kBestHeading_rad, std::sqrt(receiver.ins->covariance(2, 2)));
-  } else if (receiver.previous && fix.stamp_s > receiver.previous->stamp_s &&
-             fix.stamp_s - receiver.previous->stamp_s < kCourseMemory_s) {
-    // The antenna goes round the rear axle while the car turns (omega x r); the course is that of the axle, and half of
-    // the turn ahead of the chord between the fixes.
-    const double duration_s = fix.stamp_s - receiver.previous->stamp_s;
-    const double turn_rad = x_last_rates.yaw_rate_rps * duration_s;
-    const Eigen::Matrix3d R_map_previous =
-        R_map_body * Eigen::AngleAxisd(-turn_rad, Eigen::Vector3d::UnitZ());
-    Eigen::Vector2d moved_m = (fix.p_map_antenna_m - receiver.previous->p_map_antenna_m).head<2>();
-    if (started()) moved_m -= ((R_map_body - R_map_previous) * fix.p_body_antenna_m).head<2>();
-    const double speed_mps = moved_m.norm() / duration_s;
-    const Eigen::Vector2d across = Eigen::Vector2d(-moved_m.y(), moved_m.x()).normalized();
-    const Eigen::Matrix3d both_m2 = fix.cov_map_m2 + receiver.previous->cov_map_m2;
-    const double noise_rad = std::sqrt(across.dot(both_m2.topLeftCorner<2, 2>() * across)) / moved_m.norm();
-    if (speed_mps > x_options.policy.min_course_speed_mps && noise_rad < kWorthlessCourse_rad) {
-      const double slip_rad = started() ? x_fusion->newestControl().slip_rad : 0;
-      car.heading = HeadingKind::course;
-      car.heading_rad = wrapAngle(std::atan2(moved_m.y(), moved_m.x()) + 0.5 * turn_rad - slip_rad);
-      car.heading_sigma_rad = std::hypot(x_options.policy.course_sigma_deg * kDegree, noise_rad);
-      if (!started()) R_map_body = poseFromRpy(Eigen::Vector3d::Zero(), 0, 0, car.heading_rad).linear();
-    }
-  }
-  if (!started() && car.heading == HeadingKind::none) return std::nullopt;
-  car.p_body_m = planarLever(R_map_body, fix.p_body_antenna_m);
-  return car;
-}
-
-void Localizer::considerStart(const GpsFix& fix, const PoseFix& car) {
-  const Receiver& receiver = x_receivers[fix.label];
-  Pose T = poseFromRpy(Eigen::Vector3d::Zero(), 0, 0, car.heading_rad);
-  if (car.heading == HeadingKind::body) T.linear() = receiver.ins->T_map_body.linear();
-  T.translation() = fix.p_map_antenna_m - T.linear() * fix.p_body_antenna_m;
-  if (x_place && fix.stamp_s < x_place->stamp_s) return;  // it came late
-  const double first_fix_s = x_place ? x_place->first_fix_s : fix.stamp_s;
-  x_place = StartPlace{first_fix_s, fix.stamp_s, fix.label, T, car.cov_p_m2};
-  if (!started() && fix.stamp_s - first_fix_s > x_options.policy.start_patience_s)
-    start(fix.stamp_s, T, {fix.stamp_s, fix.label, false, 0});
-}
-
 std::optional<Pose> Localizer::placeAt(double stamp_s) const {
-  if (!x_place) return std::nullopt;
+  const auto& place = x_receivers.place();
+  if (!place) return std::nullopt;
   // A sweep is looked at when its motion is known: the newest fix may be a little younger than its end.
-  const double fix_s = x_place->stamp_s;
+  const double fix_s = place->stamp_s;
   const auto motion = x_history.between(std::min(fix_s, stamp_s), std::max(fix_s, stamp_s));
   if (!motion || motion->duration_s > x_options.policy.max_fix_age_s) return std::nullopt;
-  return x_place->T_map_body * (stamp_s >= fix_s ? motion->T_start_end : motion->T_start_end.inverse());
+  return place->T_map_body * (stamp_s >= fix_s ? motion->T_start_end : motion->T_start_end.inverse());
 }
 
 std::optional<Registration> Localizer::search(const CovarianceCloud& source, const Pose& T_guess,
@@ -307,10 +252,10 @@ void Localizer::tryStart(const Sweep& sweep) {
   const auto T_guess = placeAt(end_s);
   if (!T_guess) return;
   const CovarianceCloud source = x_preparer.prepare(sweep, motionOf(sweep));
-  const auto match = search(source, *T_guess, x_place->cov_p_m2);
+  const auto match = search(source, *T_guess, x_receivers.place()->cov_p_m2);
   if (!match) return;
   const double to_fix_m = (match->T_target_source.translation() - T_guess->translation()).head<2>().norm();
-  start(end_s, match->T_target_source, {end_s, x_place->receiver, true, to_fix_m});
+  start(end_s, match->T_target_source, {end_s, x_receivers.place()->receiver, true, to_fix_m});
   enter(end_s, planarFix(*match));
   believe(end_s, *match);
   x_new_match = ScanMatch{end_s, match->T_target_source, *match, true, source.cloud, {}};
@@ -412,7 +357,7 @@ void Localizer::takeMatch(double end_s, SweepResult result) {
     ++x_searches;
     const auto T_place = placeAt(end_s);
     const Pose T_guess = T_place ? *T_place : poseAt(end_s, x_fusion->at(end_s).car);
-    const auto claim_m2 = T_place ? std::optional(x_place->cov_p_m2) : std::nullopt;
+    const auto claim_m2 = T_place ? std::optional(x_receivers.place()->cov_p_m2) : std::nullopt;
     if (const auto found = search(result.source, T_guess, claim_m2)) {
       match = found;
       trusted = true;
@@ -441,12 +386,14 @@ void Localizer::takeMatch(double end_s, SweepResult result) {
 
 void Localizer::guard(double end_s, double moved_m, const WallScan& walls) {
   const EstimatorState now = x_fusion->at(end_s);
-  const LocalizationState state = integrityOf(now, poseAt(end_s, now.car)).state;
+  const Pose T_map_body = poseAt(end_s, now.car);
+  const LocalizationState state = integrityOf(now, T_map_body).state;
   const bool is_localized = state == LocalizationState::ok || state == LocalizationState::degraded;
   const auto rates = x_history.ratesBetween(end_s, end_s).value_or(x_last_rates);
   const double speed_mps = std::max(0.0, rates.speed_mps);
   const double curvature_per_m = speed_mps > kStanding_mps ? rates.yaw_rate_rps / speed_mps : 0;
-  GuardOutput decided = x_guard.update({end_s, is_localized, walls, {}, speed_mps, curvature_per_m});
+  const Path tracked = is_localized ? trackedFrom(T_map_body, speed_mps) : Path();
+  GuardOutput decided = x_guard.update({end_s, is_localized, walls, tracked, speed_mps, curvature_per_m});
   if (decided.path) {
     const double course_rad = now.car.mean(3) + x_fusion->newestControl().slip_rad;
     decided.path->points = x_follower.follow(*walls.on(decided.path->side), decided.path->gap_m, speed_mps,
@@ -455,6 +402,14 @@ void Localizer::guard(double end_s, double moved_m, const WallScan& walls) {
     x_follower.restart();
   }
   x_new_walls = WallReport{walls, std::move(decided), x_walls.cells(), x_walls.clusters()};
+}
+
+Path Localizer::trackedFrom(const Pose& T_map_body, double speed_mps) const {
+  if (!x_told) return {};
+  const WallPathOptions& path = x_options.wall_path;
+  const double length_m = std::max(path.min_length_m, path.horizon_s * speed_mps);
+  return driven(x_told->from(T_map_body, length_m),
+                x_options.guard.lookahead_s * std::max(speed_mps, path.min_length_m / path.horizon_s));
 }
 
 void Localizer::teach(const KnownPose& from, const KnownPose& to) {

@@ -7,64 +7,22 @@
 
 #include <future>
 #include <limits>
-#include <map>
 #include <optional>
 #include <random>
 #include <string>
 #include <vector>
 
-#include "fusion/history.h"
-#include "fusion/integrity.h"
 #include "map/tile_query.h"
 #include "odometry/scan_queue.h"
-#include "pipeline/matching_options.h"
-#include "pipeline/track_surface.h"
-#include "registration/search.h"
-#include "wall/guard.h"
-#include "wall/wall_detector.h"
+#include "pipeline/localizer_options.h"
+#include "pipeline/receivers.h"
+#include "wall/tracked_path.h"
 #include "wall/wall_follower.h"
 
 namespace raceloc {
 
 /** The scan match among the sources of a decision. */
 constexpr char kScanMatch[] = "scan_match";
-
-/** Section [localizer]. */
-struct LocalizerPolicy {
-  double map_radius_m = 100;
-  double output_period_s = 0.01;
-  double match_delay_s = 0.03;
-  double max_fix_age_s = 0.3;
-  double min_course_speed_mps = 3.0;
-  double course_sigma_deg = 2.0;
-  double gps_min_sigma_m = 0.05;
-  double start_patience_s = 3.0;
-  int search_after = 5;
-  void describe(OptionList& keys);
-};
-
-/** Section [trial]: what a source says is made worse on purpose, as in the paper's experiment. */
-struct TrialOptions {
-  std::string noise_labels;
-  double noise_m = 5;
-  double noise_after_s = 2;
-  int noise_seed = 1;
-  void describe(OptionList& keys);
-};
-
-struct LocalizerOptions {
-  MatchingOptions matching;
-  EstimatorOptions estimator;
-  HistoryOptions history;
-  IntegrityOptions integrity;
-  TrackSurfaceOptions surface;
-  LocalizerPolicy policy;
-  SearchOptions search;
-  TrialOptions trial;
-  WallOptions wall;
-  WallPathOptions wall_path;
-  GuardOptions guard;
-};
 
 /** How the filter came by its first pose. */
 struct StartReport {
@@ -132,7 +90,8 @@ struct LocalizerOutput {
  * drive along one. Source: reading.md sections 1, 2, 6 and 7. */
 class Localizer {
  public:
-  /** Keeps references to context and map; the context is its own while it is matching. \throws InputError if the gate's options contradict each other. */
+  /** Keeps references to context and map; the context is its own while it is matching. \throws InputError
+   * if the gate's options contradict each other, or for a race line that is nowhere near the map. */
   Localizer(gpu::Context& context, const MapFile& map, const LocalizerOptions& options);
 
   /** Both throw what a match threw. */
@@ -152,11 +111,6 @@ class Localizer {
   }  ///< for the car, after matches had failed
 
  private:
-  struct Receiver {
-    std::optional<GpsFix> previous;  ///< the one before: for the course
-    std::optional<InsPose> ins;      ///< newest
-  };
-
   struct KnownPose {
     double stamp_s;
     Pose T_map_body;
@@ -170,17 +124,17 @@ class Localizer {
   void take(const Scan& scan);
   void noteDecisions();  ///< those that the last add() to the history made
 
-  /** What a receiver says of the car; none while the filter waits for a heading to start. */
-  [[nodiscard]] std::optional<PoseFix> carFix(const GpsFix& fix, const Receiver& receiver) const;
-  /** Keeps the fix as the place to look for the car; starts from it alone when patience is at an end. */
-  void considerStart(const GpsFix& fix, const PoseFix& car);
-  /** Where the fix of considerStart() says that the car is at an instant. */
+  /** What is known of the car's motion while a receiver speaks. */
+  [[nodiscard]] CarMotion carMotion() const;
+  /** Starts from the receivers' newest fix alone, when patience is at an end. */
+  void startByFix();
+  /** Where the receivers' newest fix with a heading says that the car is at an instant. */
   [[nodiscard]] std::optional<Pose> placeAt(double stamp_s) const;
   /** Looks for the car around a place. Of a place that claims to be known better than the search's step, the match that starts
    * there wins if it is as near as both claim: stretches of a track look alike. */
   [[nodiscard]] std::optional<Registration> search(const CovarianceCloud& source, const Pose& T_guess,
                                                    const std::optional<Eigen::Matrix2d>& claim_m2);
-  /** Looks for the car around the fix of considerStart(). */
+  /** Looks for the car around the receivers' newest fix. */
   void tryStart(const Sweep& sweep);
   void start(double stamp_s, const Pose& T_map_body, StartReport report);
   /** What another thread makes of a sweep. */
@@ -199,6 +153,8 @@ class Localizer {
   void finishMatch();
   void takeMatch(double end_s, SweepResult result);
   void guard(double end_s, double moved_m, const WallScan& walls);
+  /** What a localized car is about to drive, body frame; empty: it is told no line, or is nowhere near it. */
+  [[nodiscard]] Path trackedFrom(const Pose& T_map_body, double speed_mps) const;
   /** A fix goes into the history; what becomes of it is noted. */
   void enter(double stamp_s, PoseFix fix);
   [[nodiscard]] Eigen::Vector2d trialNoise(const std::string& source, double stamp_s);
@@ -226,17 +182,10 @@ class Localizer {
   void processAll(double now_s, const Next& next);
   void publish(std::vector<LocalizerOutput>& outputs);
 
-  struct StartPlace {
-    double first_fix_s;  ///< when waiting began
-    double stamp_s;
-    std::string receiver;
-    Pose T_map_body;
-    Eigen::Matrix2d cov_p_m2;
-  };
   // What is aligned to 16 bytes comes first: less padding.
   std::optional<FusionHistory> x_fusion;
   Pose x_T_map_body = Pose::Identity();  ///< at x_stamp_s: attitude and height as last known
-  std::optional<StartPlace> x_place;
+  Receivers x_receivers;
   TileWindow x_window;
   std::optional<KnownPose> x_last_match;   ///< that was believed
   std::optional<KnownPose> x_last_lesson;  ///< of teachByEstimate()
@@ -253,7 +202,6 @@ class Localizer {
   MotionHistory::Rates x_last_rates{0, 0};
   std::optional<double> x_height_above_road_m;  ///< of the rear axle
   std::optional<double> x_last_sweep_s;         ///< end of the one before
-  std::map<std::string, Receiver> x_receivers;
   std::optional<StartReport> x_start;
   ScanQueue x_queue;
   SweepPreparer x_preparer;
@@ -262,6 +210,7 @@ class Localizer {
   WallDetector x_walls;
   Guard x_guard;
   WallFollower x_follower;
+  std::optional<ToldLine> x_told;
   Cloud x_whole_scan;
   FaultCounts x_noted;
   std::mt19937 x_trial_engine;

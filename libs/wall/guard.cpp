@@ -38,6 +38,8 @@ void GuardOptions::describe(OptionList& keys) {
   keys.add("clear_s", clear_s, between(0, 10), "... and both have been so for this time [s]");
   keys.add("wheelbase_m", wheelbase_m, between(0.5, 10), "from the rear to the front axle [m]");
   keys.add("half_width_m", half_width_m, between(0.1, 3), "from the middle to the wheels' outer faces [m]");
+  keys.add("lookahead_s", lookahead_s, between(0.05, 3),
+           "of the tracker that drives a line it is told: so it comes back onto it [s]");
   keys.add("handover_deg_per_s", handover_deg_per_s, above(0),
            "of steering, by which a change of who steers may show [deg/s]");
   keys.add("emergency_deg_per_s", emergency_deg_per_s, above(0), "the same into an emergency [deg/s]");
@@ -139,45 +141,60 @@ WallPath Guard::plan(const GuardInput& input) const {
   return planAlong(*input.walls.on(*x_side), gap_m, input.speed_mps, input.curvature_per_m, x_path);
 }
 
-GuardOutput Guard::update(const GuardInput& seen) {
-  const WallScan walls = ahead(seen.walls);
-  const GuardInput input{seen.stamp_s, seen.is_localized, walls,
-                         seen.tracked, seen.speed_mps,    seen.curvature_per_m};
-  if (x_stamp_s && !(input.stamp_s >= *x_stamp_s))
-    throw std::invalid_argument("Guard: stamps must not go back");
-  x_stamp_s = input.stamp_s;
-  if (lastsFor(!input.is_localized, x_options.reject_s, x_lost_since_s)) x_is_lost = true;
-  if (lastsFor(input.is_localized, x_options.accept_s, x_localized_since_s)) x_is_lost = false;
+void Guard::hearOfEstimate(bool is_localized) {
+  if (lastsFor(!is_localized, x_options.reject_s, x_lost_since_s)) x_is_lost = true;
+  if (lastsFor(is_localized, x_options.accept_s, x_localized_since_s)) x_is_lost = false;
+}
 
-  if (x_side && !input.walls.on(*x_side)) {
+void Guard::chooseWall(const WallScan& walls) {
+  if (x_side && !walls.on(*x_side)) {
     x_is_emergency = false;  // that wall is gone
     x_side.reset();
   }
   const Side other = x_options.side == Side::left ? Side::right : Side::left;
   for (const Side side : {x_options.side, other})
-    if (x_is_lost && !x_side && input.walls.on(side)) follow(side, input.walls);
+    if (x_is_lost && !x_side && walls.on(side)) follow(side, walls);
+}
 
-  // Who is not localized drives the path along the wall.
-  std::optional<WallPath> path;
-  if (x_is_lost && x_side) path = plan(input);
-  Path arc;
-  if (!path && input.tracked.empty())
-    arc = arcPath(input.curvature_per_m, std::max(x_path.min_length_m, x_path.horizon_s * input.speed_mps));
-  const Path& driven = path ? path->points : input.tracked.empty() ? arc : input.tracked;
-  const Clearance clearance = clearanceOf(input.walls, driven, input.speed_mps, x_options);
-
+void Guard::hearOfClearance(const Clearance& clearance, const WallScan& walls) {
   const double close_s = clearance.time_to_close_s.value_or(std::numeric_limits<double>::infinity());
   const bool is_clear = !clearance.side || (clearance.wheel_m >= x_options.clear_distance_m &&
                                             close_s >= x_options.clear_time_s);
   if (lastsFor(is_clear, x_options.clear_s, x_clear_since_s)) x_is_emergency = false;
   if (close_s < x_options.emergency_time_s) {
     x_is_emergency = true;
-    follow(clearance.side, input.walls);
+    follow(clearance.side, walls);
   }
-  const GuardState state = x_is_emergency ? GuardState::emergency
-                           : !x_is_lost   ? GuardState::localized
-                           : x_side       ? GuardState::wall_following
-                                          : GuardState::no_wall;
+}
+
+GuardState Guard::nextState() const {
+  if (x_is_emergency) return GuardState::emergency;
+  if (!x_is_lost) return GuardState::localized;
+  return x_side ? GuardState::wall_following : GuardState::no_wall;
+}
+
+GuardOutput Guard::update(const GuardInput& seen) {
+  const WallScan walls = ahead(seen.walls);
+  Path arc;
+  if (seen.tracked.empty())
+    arc = arcPath(seen.curvature_per_m, std::max(x_path.min_length_m, x_path.horizon_s * seen.speed_mps));
+  const GuardInput input{seen.stamp_s,   seen.is_localized,
+                         walls,          seen.tracked.empty() ? arc : seen.tracked,
+                         seen.speed_mps, seen.curvature_per_m};
+  if (x_stamp_s && !(input.stamp_s >= *x_stamp_s))
+    throw std::invalid_argument("Guard: stamps must not go back");
+  x_stamp_s = input.stamp_s;
+  hearOfEstimate(input.is_localized);
+  chooseWall(walls);
+
+  // Who is not localized drives the path along the wall.
+  std::optional<WallPath> path;
+  if (x_is_lost && x_side) path = plan(input);
+  const Clearance clearance =
+      clearanceOf(walls, path ? path->points : input.tracked, input.speed_mps, x_options);
+  hearOfClearance(clearance, walls);
+
+  const GuardState state = nextState();
   const bool has_changed = state != x_state;
   x_state = state;
   if (state == GuardState::localized) x_side.reset();

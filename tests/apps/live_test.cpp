@@ -230,6 +230,20 @@ TEST_F(BadLive, ArgumentsThatDoNotGoTogether) {
                 {"--odometry-only"});
 }
 
+TEST_F(BadLive, RaceLineIsMissingOrOfAnotherPlace) {
+  const auto play = liveCommand(ini("live.ini"), kDrive.map(), kDrive.race(), out);
+  expectRefused(with(play, {"--race-line", in / "nowhere.csv"}), {in / "nowhere.csv"});
+  std::string far = "x_m,y_m\n";
+  for (int i = 0; i < 20; ++i)
+    far += std::to_string(1e5 + 30 * std::cos(0.1 * M_PI * i)) + "," +
+           std::to_string(30 * std::sin(0.1 * M_PI * i)) + "\n";
+  writeFile(in / "far.csv", far);
+  expectRefused(with(play, {"--race-line", in / "far.csv"}), {"race line", "nowhere near it"});
+  expectRefused({app("raceloc-live"), "-c", ini("live.ini"), "--odometry-only", "-i", kDrive.race(),
+                 "--race-line", in / "far.csv", "--trajectory", out / "x.tum"},
+                {"--odometry-only"});
+}
+
 TEST_F(BadLive, StreamGoesNowhere) {
   for (const auto& [url, said] : {std::pair{"pigeon://127.0.0.1:9750", "udp://HOST:PORT"},
                                   {"udp://127.0.0.1:0", "port 0"},
