@@ -173,7 +173,8 @@ class LoopDrive {
     const double curvature_per_m = yaw_rate_rps / std::max(1.0, speed_mps);
     const GuardOutput decided = x_guard.update(
         {walls.stamp_s, !x_localizer->alarm(), walls,
-         driven(toldPath(walls.stamp_s, kHorizon_s * speed_mps), x_file.driver.lookahead_s * speed_mps),
+         trackedPath(toldPath(walls.stamp_s, kHorizon_s * speed_mps),
+                     std::max(x_file.driver.lookahead_min_m, x_file.driver.lookahead_s * speed_mps)),
          speed_mps, curvature_per_m});
     const double moved_m = x_localizer->between(x_walls_s, walls.stamp_s).translation().norm();
     x_walls_s = walls.stamp_s;

@@ -42,8 +42,9 @@ DESCRIPTION
   path or one along a wall: because nothing can be believed, or because the car comes too close. Walls, guard and path
   are in the annotated log and in the stream; --scene writes the first sweep in which the guard took over, or else the
   last one, for SceneViewer3D: scan, what stands on the ground by clusters, walls, path.
-  With --race-line, a closed line as raceloc-map takes it (x_m, y_m east and north of the map's origin), the planned path is
-  that one, from where the car is onto it; without, or while the car is not localized, it is the arc that it drives.
+  With --race-line, a closed line in the order of driving (CSV as for raceloc-map: x_m, y_m east and north of the map's
+  origin), the planned path is that one, from where the car is onto it. Without, while the car is not localized, or where it
+  is farther than 10 m or 60 deg from that line, it is the arc that the car drives.
   A GPS fix with a heading says where to look for the car, and a scan match there starts the filter.
   A map of another place, or not of the content hash that --map-hash demands (raceloc-map check prints it), is
   refused; a damaged tile of the right one is left out and named.
@@ -60,6 +61,7 @@ EXAMPLES
   raceloc-live -c ini/live.ini -m monza.rlmap -i race.rawlog -o out.rawlog --trajectory race.tum
   raceloc-live -c ini/live.ini -m monza.rlmap -i race.rawlog --disable 'gps_*' --trajectory lidar_only.tum
   raceloc-live -c ini/live.ini -m monza.rlmap -i race.rawlog --disable 'gps_*' --scene walls.3Dscene
+  raceloc-live -c ini/live.ini -m monza.rlmap -i race.rawlog --race-line raceline.csv -o out.rawlog
   raceloc-live -c ini/live.ini --odometry-only -i race.rawlog --trajectory odometry.tum
   raceloc-live -c car.ini -m monza.rlmap --sensors sensors.ini --record run1.rawlog
   raceloc-live --print-ini > my_live.ini     every key with its meaning, range and default
@@ -186,7 +188,7 @@ void runLive(const LiveArgs& args) {
   if (args.disable_labels) options.live.disable_labels = *args.disable_labels;
   if (args.disable_after_s) options.live.disable_after_s = *args.disable_after_s;
   if (args.map_hash) options.live.map_hash = *args.map_hash;
-  if (!args.race_line_path.empty()) options.localizer.race_line_m = readDrivenLine(args.race_line_path);
+  if (!args.race_line_path.empty()) options.localizer.race_line_map_m = readDrivenLine(args.race_line_path);
   if (args.verbose) std::cout << options.iniText() << "\n";
   LiveOutputs outputs(args);
   std::optional<LineStream> stream;

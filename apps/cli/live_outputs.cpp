@@ -21,7 +21,7 @@ bool SceneToKeep::write() {
 }
 
 LiveOutputs::LiveOutputs(const LiveArgs& args) {
-  if (!args.trajectory_path.empty()) x_trajectory.emplace(args.trajectory_path);
+  if (!args.trajectory_path.empty()) x_trajectory_probe.emplace(args.trajectory_path);
   if (!args.integrity_path.empty()) x_tables.push_back(std::make_unique<IntegrityCsv>(args.integrity_path));
   if (!args.decisions_path.empty()) x_tables.push_back(std::make_unique<DecisionCsv>(args.decisions_path));
   if (!args.latency_path.empty()) x_tables.push_back(std::make_unique<LatencyCsv>(args.latency_path));
@@ -43,9 +43,9 @@ std::vector<std::string> LiveOutputs::commit(const Trajectory& trajectory) {
     kept.push_back(x_scene->path());
   else if (x_scene)
     std::printf("scene            NONE: no sweep was looked at\n");
-  if (x_trajectory && !trajectory.poses.empty()) {
-    writeTum(x_trajectory->path(), trajectory);
-    kept.push_back(x_trajectory->path());
+  if (x_trajectory_probe && !trajectory.poses.empty()) {
+    writeTum(x_trajectory_probe->path(), trajectory);
+    kept.push_back(x_trajectory_probe->path());
   }
   return kept;
 }

@@ -38,7 +38,7 @@ class LiveOutputs {
   [[nodiscard]] std::vector<std::string> commit(const Trajectory& trajectory);
 
  private:
-  std::optional<OutputFile> x_trajectory;
+  std::optional<OutputFile> x_trajectory_probe;  ///< writeTum() claims the file again, after the run
   std::vector<std::unique_ptr<RunCsv>> x_tables;
   std::optional<SceneToKeep> x_scene;
 };

@@ -159,7 +159,7 @@ Estimator::Hearing Estimator::hear(const EstimatorState& state, std::vector<Pose
       fixes[i].heading_sigma_rad *= std::sqrt(verdict.inflation);
       if (is_confirmed && contradictsHeading(state.car, known)) fixes[i].heading = HeadingKind::none;
       heard.fixes.push_back(std::move(fixes[i]));
-      heard.verdicts.push_back(i);
+      heard.numbers.push_back(i);
     }
   }
   return heard;
@@ -178,8 +178,8 @@ GateDecision Estimator::decide(EstimatorState& state, std::vector<PoseFix> fixes
     decision = x_filter.correct(heard.fixes);
     corrected(state, x_filter.state());
   }
-  for (std::size_t k = 0; k < heard.verdicts.size(); ++k) {
-    SourceVerdict& verdict = verdicts[heard.verdicts[k]];
+  for (std::size_t k = 0; k < heard.numbers.size(); ++k) {
+    SourceVerdict& verdict = verdicts[heard.numbers[k]];
     const SourceVerdict& gated = decision.sources[k];
     verdict.delta = gated.delta;
     verdict.limit = gated.limit;

@@ -69,7 +69,7 @@ class Estimator {
   /** What the gate is given. */
   struct Hearing {
     std::vector<PoseFix> fixes;
-    std::vector<std::size_t> verdicts;  ///< of each of them, its place among all
+    std::vector<std::size_t> numbers;  ///< of each of them, among all fixes
   };
 
   [[nodiscard]] bool isConfirmed(const EstimatorState& state) const;
@@ -77,7 +77,7 @@ class Estimator {
   /** What each source's own fix says of it; whether it confirms the estimate is noted in its record. */
   [[nodiscard]] std::vector<SourceVerdict> holdAgainst(EstimatorState& state,
                                                        const std::vector<PoseFix>& fixes) const;
-  /** The fixes that have a say, with the claims that are believed; why others have none goes into their verdicts. */
+  /** The fixes that have a say, with the claims that are believed; why others have none goes into their verdicts (delta, limit). */
   [[nodiscard]] Hearing hear(const EstimatorState& state, std::vector<PoseFix> fixes,
                              std::vector<SourceVerdict>& verdicts) const;
   void corrected(EstimatorState& state, const CarState& to) const;

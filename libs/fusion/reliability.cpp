@@ -38,10 +38,10 @@ double squaredDistance(const Witness& a, const Witness& b) {
   return squaredMahalanobis(a.mean_m - b.mean_m, a.cov_m2 + b.cov_m2);
 }
 
-/** The car's motion, then the fresh sources that scatter as they claim. */
+/** The car's motion, then the fresh sources that scatter as they claim, at most 16. */
 std::vector<Witness> witnessesOf(std::vector<SourceRecord>& records, const MotionWitness& motion,
                                  double stamp_s, const ReliabilityOptions& options) {
-  constexpr std::size_t kMost = 17;
+  constexpr std::size_t kMost = 17;  // all 2^17 sets are tried
   std::vector<Witness> witnesses{{motion.offset.head<2>(), motion.covariance.topLeftCorner<2, 2>(), nullptr}};
   for (SourceRecord& record : records) {
     if (witnesses.size() == kMost) break;

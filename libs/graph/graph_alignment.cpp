@@ -65,6 +65,13 @@ Pose leastMedianStart(const std::vector<Eigen::Vector3d>& from, const std::vecto
 
 }  // namespace
 
+std::vector<Eigen::Vector3d> positionsOf(const std::vector<Pose>& poses) {
+  std::vector<Eigen::Vector3d> positions;
+  positions.reserve(poses.size());
+  for (const Pose& T : poses) positions.emplace_back(T.translation());
+  return positions;
+}
+
 GraphAlignment alignGraphs(const std::vector<Eigen::Vector3d>& from, const std::vector<Eigen::Vector3d>& to,
                            const Eigen::Vector3d& up_from, const Eigen::Vector3d& up_to, double width_m) {
   if (from.size() != to.size() || from.size() < 2)

@@ -29,4 +29,7 @@ struct GraphAlignment {
                                          const Eigen::Vector3d& up_to = Eigen::Vector3d::UnitZ(),
                                          double width_m = 0.5);
 
+/** Where the bodies are: what alignGraphs() takes. */
+[[nodiscard]] std::vector<Eigen::Vector3d> positionsOf(const std::vector<Pose>& T_map_body);
+
 }  // namespace raceloc

@@ -40,23 +40,25 @@ PoseFix planarFix(const Registration& match) {
           std::sqrt(cov_r(2, 2))};
 }
 
-/** A line with the heights of the map's road. \throws InputError if it is nowhere near where the map was driven */
-ToldLine toldOn(const MapContent& content, const TrackSurface& surface, std::vector<Eigen::Vector3d> line_m) {
-  constexpr double kNear_m = 50;
-  const auto isDriven = [&](const Eigen::Vector3d& p_m) {
-    return std::any_of(content.key_poses.begin(), content.key_poses.end(), [&](const KeyPose& key) {
-      return (key.T_map_body.translation() - p_m).head<2>().norm() < kNear_m;
-    });
-  };
-  if (std::none_of(line_m.begin(), line_m.end(), isDriven))
-    throw InputError(
-        "race line: the map is nowhere near it; its metres are east and north of the map's origin");
-  for (std::size_t i = 0; i < line_m.size(); ++i) {
-    const Eigen::Vector3d along_m = line_m[(i + 1) % line_m.size()] - line_m[i];
-    const auto place = surface.at(line_m[i].head<2>(), std::atan2(along_m.y(), along_m.x()));
-    line_m[i].z() = place && place->road ? place->road->height_m : std::numeric_limits<double>::quiet_NaN();
+/** A line with the heights of the map's road. \throws InputError if the map was nowhere driven along it */
+ToldLine toldOn(const MapContent& content, const TrackSurface& surface,
+                std::vector<Eigen::Vector3d> line_map_m) {
+  for (std::size_t i = 0; i < line_map_m.size(); ++i) {
+    const Eigen::Vector3d along_m = line_map_m[(i + 1) % line_map_m.size()] - line_map_m[i];
+    const auto place = surface.at(line_map_m[i].head<2>(), std::atan2(along_m.y(), along_m.x()));
+    line_map_m[i].z() =
+        place && place->road ? place->road->height_m : std::numeric_limits<double>::quiet_NaN();
   }
-  return ToldLine(line_m);
+  ToldLine line(line_map_m);
+  const bool is_driven =
+      std::any_of(content.key_poses.begin(), content.key_poses.end(),
+                  [&](const KeyPose& key) { return !line.from(key.T_map_body, 0).empty(); });
+  if (!is_driven)
+    throw InputError(
+        "race line: the map was nowhere driven along it; its points go in the order of driving, metres east "
+        "and "
+        "north of the map's origin");
+  return line;
 }
 
 constexpr double kMatchMemory_s = 1;
@@ -88,7 +90,7 @@ Localizer::Localizer(gpu::Context& context, const MapFile& map, const LocalizerO
       x_guard(options.guard, options.wall_path),
       x_follower(options.wall_path),
       x_trial_engine(static_cast<unsigned>(options.trial.noise_seed)) {
-  if (options.race_line_m) x_told = toldOn(map.content(), x_surface, *options.race_line_m);
+  if (options.race_line_map_m) x_told = toldOn(map.content(), x_surface, *options.race_line_map_m);
   (void)Estimator(options.estimator);  // options that contradict each other are refused before the first fix
 }
 
@@ -406,10 +408,10 @@ void Localizer::guard(double end_s, double moved_m, const WallScan& walls) {
 
 Path Localizer::trackedFrom(const Pose& T_map_body, double speed_mps) const {
   if (!x_told) return {};
-  const WallPathOptions& path = x_options.wall_path;
-  const double length_m = std::max(path.min_length_m, path.horizon_s * speed_mps);
-  return driven(x_told->from(T_map_body, length_m),
-                x_options.guard.lookahead_s * std::max(speed_mps, path.min_length_m / path.horizon_s));
+  constexpr double kSlow_mps = 10;  // slower, a tracker looks as far ahead as at this speed: never at 0 m
+  const WallPathOptions& lengths = x_options.wall_path;
+  return trackedPath(x_told->from(T_map_body, std::max(lengths.min_length_m, lengths.horizon_s * speed_mps)),
+                     x_options.policy.line_lookahead_s * std::max(speed_mps, kSlow_mps));
 }
 
 void Localizer::teach(const KnownPose& from, const KnownPose& to) {

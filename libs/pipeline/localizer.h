@@ -87,11 +87,12 @@ struct LocalizerOutput {
  * car is looked for around the newest fix of a receiver in the same way; what is found counts like any match.
  * Attitude and height are those of the last believed match, moved on by the gyro; after kMatchMemory_s those of the
  * map's road. At each sweep the walls beside the car are looked for in the sweep alone, and the guard says whether to
- * drive along one. Source: reading.md sections 1, 2, 6 and 7. */
+ * drive along one: it looks along the line that the car is told (LocalizerOptions::race_line_map_m) while that is localized, else
+ * along the arc that it drives. Source: reading.md sections 1, 2, 6 and 7. */
 class Localizer {
  public:
   /** Keeps references to context and map; the context is its own while it is matching. \throws InputError
-   * if the gate's options contradict each other, or for a race line that is nowhere near the map. */
+   * if the gate's options contradict each other, or for a race line along which the map was nowhere driven. */
   Localizer(gpu::Context& context, const MapFile& map, const LocalizerOptions& options);
 
   /** Both throw what a match threw. */

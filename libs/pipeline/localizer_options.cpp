@@ -19,6 +19,8 @@ void LocalizerPolicy::describe(OptionList& keys) {
            "without a scan match near a fix for this long, the fix starts the filter alone [s]");
   keys.add("search_after", search_after, atLeast(1),
            "after so many scan matches in a row that cannot be trusted, the car is looked for around a fix");
+  keys.add("line_lookahead_s", line_lookahead_s, between(0.05, 3),
+           "a car beside the line it is told (--race-line) comes onto it by at most 1 m in this time [s]");
 }
 
 void TrialOptions::describe(OptionList& keys) {

@@ -29,6 +29,7 @@ struct LocalizerPolicy {
   double gps_min_sigma_m = 0.05;
   double start_patience_s = 3.0;
   int search_after = 5;
+  double line_lookahead_s = 0.4;
   void describe(OptionList& keys);
 };
 
@@ -53,8 +54,9 @@ struct LocalizerOptions {
   WallOptions wall;
   WallPathOptions wall_path;
   GuardOptions guard;
-  /** That the car is told to drive, map frame, as readDrivenLine() gives it; none: nobody says. */
-  std::optional<std::vector<Eigen::Vector3d>> race_line_m;
+  /** The line that the car is told to drive, in the order of driving; none: it is told none. z is not used: heights are
+   * those of the map's road. */
+  std::optional<std::vector<Eigen::Vector3d>> race_line_map_m;
 };
 
 }  // namespace raceloc

@@ -11,8 +11,9 @@ namespace raceloc {
 
 namespace {
 
-std::optional<Loop> loopOf(const std::vector<Pose>& T_map_body, const Drives& drives,
-                           std::optional<std::vector<Eigen::Vector3d>> line, const MapperOptions& options) {
+std::optional<TrackLoop> loopOf(const std::vector<Pose>& T_map_body, const SurveyedDrives& drives,
+                                std::optional<std::vector<Eigen::Vector3d>> line,
+                                const MapperOptions& options) {
   // Without fixes the ends of a lap may have drifted apart by as much as loops are looked for in.
   FirstLapOptions drifted = options.first_lap;
   drifted.close_m += options.loops.search_m;
@@ -30,7 +31,7 @@ std::optional<Loop> loopOf(const std::vector<Pose>& T_map_body, const Drives& dr
     length_m += ((*line)[(i + 1) % line->size()] - (*line)[i]).norm();
   TrackIds ids(wayPointsAlong(*line, options.track_id.spacing_m), options.track_id);
   RacetrackDict dict(ids.count());
-  return Loop{std::move(ids), std::move(dict), length_m};
+  return TrackLoop{std::move(ids), std::move(dict), length_m};
 }
 
 /** How far off each key pose may be before loops are closed: fixes that agree with it hold it, and odometry drifts
@@ -60,7 +61,8 @@ std::vector<double> doubtOf(const std::vector<Keyframe>& keyframes, const std::v
 }
 
 /** Enters a key pose that has an ID into the dictionary. \return whether it has */
-bool passed(Loop& loop, const Drives& drives, const std::vector<Pose>& T_map_body, std::size_t key) {
+bool passed(TrackLoop& loop, const SurveyedDrives& drives, const std::vector<Pose>& T_map_body,
+            std::size_t key) {
   const auto id = loop.ids.idAt(T_map_body[key]);
   const auto number = static_cast<std::uint32_t>(key);
   if (id) loop.dict.add({number, number}, *id, drives.session_of[key]);
@@ -68,7 +70,7 @@ bool passed(Loop& loop, const Drives& drives, const std::vector<Pose>& T_map_bod
 }
 
 /** Loops, and T_map_body bent by them. */
-LoopClosures closeLoops(gpu::Context& context, Loop& loop, const Drives& drives,
+LoopClosures closeLoops(gpu::Context& context, TrackLoop& loop, const SurveyedDrives& drives,
                         std::vector<Pose>& T_map_body, const ScanStore& scans, const MapperOptions& options,
                         const StageProgress& progress) {
   OdometryChain chain;
@@ -97,16 +99,9 @@ LoopClosures closeLoops(gpu::Context& context, Loop& loop, const Drives& drives,
 
 }  // namespace
 
-std::vector<Eigen::Vector3d> positionsOf(const std::vector<Pose>& poses) {
-  std::vector<Eigen::Vector3d> positions;
-  positions.reserve(poses.size());
-  for (const Pose& T : poses) positions.emplace_back(T.translation());
-  return positions;
-}
-
-Solved solve(gpu::Context& context, Drives& drives, const std::vector<SurveyLog>& logs,
-             const std::optional<std::vector<Eigen::Vector3d>>& race_line_m, const ScanStore& scans,
-             const MapperOptions& options, const StageProgress& progress) {
+MapSolution solveGraphs(gpu::Context& context, SurveyedDrives& drives, const std::vector<SurveyLog>& logs,
+                        const std::optional<std::vector<Eigen::Vector3d>>& race_line_m,
+                        const ScanStore& scans, const MapperOptions& options, const StageProgress& progress) {
   auto& keyframes = drives.keyframes;
   progress("graphs", 0);
   GraphSolution gps = solveGraph(GraphKind::gps, keyframes, {}, alignedOdometry(keyframes), options.graph);
@@ -116,7 +111,7 @@ Solved solve(gpu::Context& context, Drives& drives, const std::vector<SurveyLog>
   GraphSolution joint = solveGraph(GraphKind::joint, keyframes, {}, gps.T_map_body, options.graph);
   progress("graphs", 1);
 
-  std::optional<Loop> loop = loopOf(joint.T_map_body, drives, race_line_m, options);
+  std::optional<TrackLoop> loop = loopOf(joint.T_map_body, drives, race_line_m, options);
   if (race_line_m && std::none_of(joint.T_map_body.begin(), joint.T_map_body.end(),
                                   [&](const Pose& T) { return loop->ids.idAt(T).has_value(); }))
     throw InputError(
@@ -137,6 +132,7 @@ Solved solve(gpu::Context& context, Drives& drives, const std::vector<SurveyLog>
     spans = gpsSpans(keyframes, joint.T_map_body, options.graph);
     refuse(keyframes, spans);
   }
+  refuseContradicted(loops, joint.T_map_body);
   joint = solveGraph(GraphKind::joint, keyframes, loops.edges, joint.T_map_body, options.graph);
   if (loop && !race_line_m) {  // where the car drove, as is known now
     loop = loopOf(joint.T_map_body, drives, std::nullopt, options);

@@ -16,17 +16,17 @@
 namespace raceloc {
 
 /** Racetrack IDs of the key poses, where there is a loop. */
-struct Loop {
+struct TrackLoop {
   TrackIds ids;
   RacetrackDict dict;
   double length_m;
 };
 
 /** What the graphs came to. */
-struct Solved {
+struct MapSolution {
   GraphSolution gps, lidar, joint;
   GraphAlignment aligned;  ///< of the LiDAR graph with the GPS graph
-  std::optional<Loop> loop;
+  std::optional<TrackLoop> loop;
   LoopClosures loops;
   std::vector<GpsSpan> spans;
 };
@@ -34,11 +34,10 @@ struct Solved {
 /** Both graphs, their alignment, loops and the joint refinement. Fixes that are refused are marked in `drives`.
  * \param race_line_m  none: the first full lap, if there is one
  * \throws InputError for logs of several places, and a line that no survey is near. */
-[[nodiscard]] Solved solve(gpu::Context& context, Drives& drives, const std::vector<SurveyLog>& logs,
-                           const std::optional<std::vector<Eigen::Vector3d>>& race_line_m,
-                           const ScanStore& scans, const MapperOptions& options,
-                           const StageProgress& progress);
-
-[[nodiscard]] std::vector<Eigen::Vector3d> positionsOf(const std::vector<Pose>& poses);
+[[nodiscard]] MapSolution solveGraphs(gpu::Context& context, SurveyedDrives& drives,
+                                      const std::vector<SurveyLog>& logs,
+                                      const std::optional<std::vector<Eigen::Vector3d>>& race_line_m,
+                                      const ScanStore& scans, const MapperOptions& options,
+                                      const StageProgress& progress);
 
 }  // namespace raceloc

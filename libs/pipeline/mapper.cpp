@@ -32,7 +32,7 @@ Matrix6d informationOf(const Matrix6d& covariance) {
 }
 
 /** Everything of the graphs that the map keeps. */
-void describeGraphs(MapContent& content, const Drives& drives, const std::vector<LoopEdge>& loops,
+void describeGraphs(MapContent& content, const SurveyedDrives& drives, const std::vector<LoopEdge>& loops,
                     const std::vector<Pose>& T_map_body, const GraphOptions& o) {
   const auto number = [](std::size_t key) { return static_cast<std::int32_t>(key); };
   for (std::size_t key = 0; key < drives.keyframes.size(); ++key) {
@@ -45,9 +45,9 @@ void describeGraphs(MapContent& content, const Drives& drives, const std::vector
       const Eigen::Matrix3d covariance = flooredFix(gps.cov_map_m2, o);
       const Eigen::Vector3d off_m = T_map_body[key] * gps.p_body_antenna_m - gps.p_map_antenna_m;
       const RobustLoss loss{RobustLoss::Kind::cauchy, o.gps_robust_width};
-      content.fixes.push_back({number(key), gps.receiver, gps.p_map_antenna_m, covariance,
-                               gps.p_body_antenna_m,
-                               gps.refused ? 0 : loss.weight(off_m.dot(covariance.ldlt().solve(off_m)))});
+      content.fixes.push_back(
+          {number(key), gps.receiver, gps.p_map_antenna_m, covariance, gps.p_body_antenna_m,
+           gps.refused ? 0 : loss.weight(off_m.dot(covariance.ldlt().solve(off_m)))});
     }
   }
   for (const LoopEdge& loop : loops)
@@ -55,7 +55,7 @@ void describeGraphs(MapContent& content, const Drives& drives, const std::vector
         {number(loop.i), number(loop.j), loop.T_i_j, informationOf(loop.covariance), EdgeKind::loop});
 }
 
-MapContent contentOf(const Drives& drives, const Solved& solved, const TiledMap& tiles,
+MapContent contentOf(const SurveyedDrives& drives, const MapSolution& solved, const TiledMap& tiles,
                      const MapperOptions& options, const std::string& tool_version) {
   const std::vector<Pose>& T_map_body = solved.joint.T_map_body;
   MapContent content;
@@ -82,7 +82,8 @@ MapContent contentOf(const Drives& drives, const Solved& solved, const TiledMap&
   return content;
 }
 
-MapReport reportOf(const Drives& drives, Solved solved, const StaticScene& scene, const TiledMap& tiles) {
+MapReport reportOf(const SurveyedDrives& drives, MapSolution solved, const StaticScene& scene,
+                   const TiledMap& tiles) {
   const std::vector<Pose>& T_map_body = solved.joint.T_map_body;
   MapReport report{};
   report.key_poses = T_map_body.size();
@@ -144,10 +145,10 @@ MapInput mapInput(const std::vector<std::string>& log_paths, const std::string& 
 BuiltMap buildMap(const MapInput& input, StageStore& store, const MapperOptions& options,
                   const std::string& tool_version, const StageProgress& progress) {
   ScanStore scans(store);
-  Drives drives = survey(input.logs, store, scans, options, tool_version, progress);
+  SurveyedDrives drives = surveyLogs(input.logs, store, scans, options, tool_version, progress);
   const DeviceOptions& device = options.matching.device;
   gpu::Context context(device.device, 0, device.threads);  // tests itself
-  Solved solved = solve(context, drives, input.logs, input.race_line_m, scans, options, progress);
+  MapSolution solved = solveGraphs(context, drives, input.logs, input.race_line_m, scans, options, progress);
   const StaticScene scene = staticScene(drives, scans, solved.joint.T_map_body, options, progress);
 
   progress("tiles", 0);

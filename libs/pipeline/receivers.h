@@ -27,7 +27,7 @@ class Receivers {
  public:
   /** The newest fix with a heading: where to look for the car. */
   struct Place {
-    double first_fix_s;  ///< of the first one
+    double first_fix_s;  ///< stamp of the first fix with a heading, of any receiver: when waiting began
     double stamp_s;
     std::string receiver;
     Pose T_map_body;  ///< level, where there is no INS
@@ -41,7 +41,9 @@ class Receivers {
 
   /** \param pose  with a finite pose and a covariance > 0 */
   void take(const InsPose& pose);
-  /** \param fix  of finite values \return none before the start, while there is no heading */
+  /** A fix with a heading becomes the place(), too, unless it came late. A course is against the receiver's fix before.
+   * \param fix  of finite values \param car  at about its time
+   * \return none before the start, while there is no heading */
   [[nodiscard]] std::optional<PoseFix> take(const GpsFix& fix, const CarMotion& car);
   [[nodiscard]] const std::optional<Place>& place() const { return x_place; }
 

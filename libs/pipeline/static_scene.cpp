@@ -43,8 +43,9 @@ void forEachScan(std::size_t scans, const ScanStore& store, int threads, const L
 
 }  // namespace
 
-StaticScene staticScene(const Drives& drives, const ScanStore& scans, const std::vector<Pose>& T_map_body,
-                        const MapperOptions& options, const StageProgress& progress) {
+StaticScene staticScene(const SurveyedDrives& drives, const ScanStore& scans,
+                        const std::vector<Pose>& T_map_body, const MapperOptions& options,
+                        const StageProgress& progress) {
   const std::size_t keys = T_map_body.size();
   const int threads = options.matching.device.threads;
   const auto shareOf = [&](std::size_t taken) {

@@ -16,16 +16,18 @@ namespace raceloc {
 struct StaticScene {
   Cloud points;
   WallThickness walls;
-  double moving_share;
+  double moving_share;  ///< of the scans' points: left out, because other scans see through them
 };
 
-/** Scans are read three times rather than kept: which voxels hold points, which of those others see through, the
- * rest. */
-[[nodiscard]] StaticScene staticScene(const Drives& drives, const ScanStore& scans,
+/** What stands still of all scans, averaged. Scans are read three times rather than kept: which voxels hold points, which of
+ * those others see through, the rest.
+ * \param T_map_body  of each key pose */
+[[nodiscard]] StaticScene staticScene(const SurveyedDrives& drives, const ScanStore& scans,
                                       const std::vector<Pose>& T_map_body, const MapperOptions& options,
                                       const StageProgress& progress);
 
-/** Points with their covariances, tile by tile: a tile needs what is within the covariances' radius around it. */
+/** Points with their covariances, tile by tile: a tile needs what is within the covariances' radius around it.
+ * \param points  map frame \return tiles whose points are relative to the tile's corner in x and y, z as in the map */
 [[nodiscard]] TiledMap tilesOf(gpu::Context& context, const Cloud& points,
                                const CovarianceOptions& covariance, double tile_size_m);
 

@@ -21,6 +21,10 @@ std::string identityOf(const std::string& path) {
          std::to_string(written);
 }
 
+std::string nameOfScan(std::size_t survey, std::size_t key) {
+  return "survey " + std::to_string(survey) + ", scan " + std::to_string(key);
+}
+
 /** Of what surveyOf() makes and how it is kept: another one's results are not taken. */
 constexpr char kSurveyFormat[] = "1";
 
@@ -50,11 +54,29 @@ InputError ofAnotherPlace(const SurveyLog& log, double nearest_m) {
 
 }  // namespace
 
+void ScanStore::put(std::size_t survey, const std::string& input, std::size_t key, const Cloud& scan) {
+  x_store.put(nameOfScan(survey, key), input, toBytes(scan));
+}
+
+void ScanStore::addSurvey(std::size_t survey, const std::string& input, std::size_t keys) {
+  for (std::size_t key = 0; key < keys; ++key) x_places.push_back({survey, input, key});
+}
+
+Cloud ScanStore::scan(std::size_t key) const {
+  const Place& at = x_places.at(key);
+  const auto bytes = x_store.get(nameOfScan(at.survey, at.key), at.input);
+  if (!bytes)
+    throw InputError("scan " + std::to_string(key) +
+                     ", kept beside the map in its .build file, is damaged: build the map with --replace");
+  return cloudFrom(*bytes);
+}
+
 bool holdsSurveys(const StageStore& store) { return store.get(kReadLogs, "").has_value(); }
 
-Drives survey(const std::vector<SurveyLog>& logs, StageStore& store, ScanStore& scans,
-              const MapperOptions& options, const std::string& tool_version, const StageProgress& progress) {
-  Drives drives;
+SurveyedDrives surveyLogs(const std::vector<SurveyLog>& logs, StageStore& store, ScanStore& scans,
+                          const MapperOptions& options, const std::string& tool_version,
+                          const StageProgress& progress) {
+  SurveyedDrives drives;
   requireAllNamed(store, logs);
   Bytes read;
   for (std::size_t n = 0; n < logs.size(); ++n) {
@@ -100,7 +122,7 @@ Drives survey(const std::vector<SurveyLog>& logs, StageStore& store, ScanStore& 
   return drives;
 }
 
-void requireOnePlace(const Drives& drives, const std::vector<Pose>& T_map_body,
+void requireOnePlace(const SurveyedDrives& drives, const std::vector<Pose>& T_map_body,
                      const std::vector<SurveyLog>& logs) {
   constexpr double kNear_m = 200;
   for (std::size_t key = 0; key < T_map_body.size();) {

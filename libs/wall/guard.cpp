@@ -38,8 +38,6 @@ void GuardOptions::describe(OptionList& keys) {
   keys.add("clear_s", clear_s, between(0, 10), "... and both have been so for this time [s]");
   keys.add("wheelbase_m", wheelbase_m, between(0.5, 10), "from the rear to the front axle [m]");
   keys.add("half_width_m", half_width_m, between(0.1, 3), "from the middle to the wheels' outer faces [m]");
-  keys.add("lookahead_s", lookahead_s, between(0.05, 3),
-           "of the tracker that drives a line it is told: so it comes back onto it [s]");
   keys.add("handover_deg_per_s", handover_deg_per_s, above(0),
            "of steering, by which a change of who steers may show [deg/s]");
   keys.add("emergency_deg_per_s", emergency_deg_per_s, above(0), "the same into an emergency [deg/s]");

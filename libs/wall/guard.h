@@ -30,7 +30,6 @@ struct GuardOptions {
   double clear_s = 0.5;
   double wheelbase_m = 2.97;
   double half_width_m = 0.97;
-  double lookahead_s = 0.4;
   double handover_deg_per_s = 10;
   double emergency_deg_per_s = 40;
   void describe(OptionList& keys);
@@ -88,11 +87,11 @@ class Guard {
 
  private:
   [[nodiscard]] bool lastsFor(bool is_so, double wanted_s, std::optional<double>& since_s) const;
-  /** Whether the car is lost. */
+  /** Notes whether the car is lost (reject_s, accept_s). */
   void hearOfEstimate(bool is_localized);
   /** Lets go of a wall that is gone; who is lost takes another one. */
   void chooseWall(const WallScan& walls);
-  /** Whether it is an emergency, and whether that is over. */
+  /** Begins or ends the emergency; the wall that is near becomes the one followed. */
   void hearOfClearance(const Clearance& clearance, const WallScan& walls);
   [[nodiscard]] GuardState nextState() const;
   void follow(std::optional<Side> side, const WallScan& walls);

@@ -4,7 +4,7 @@
 #include <algorithm>
 #include <cmath>
 #include <iterator>
-#include <utility>
+#include <stdexcept>
 
 namespace raceloc {
 
@@ -30,7 +30,7 @@ PathPoint beside(const Path& path, const Eigen::Vector2d& p_m) {
           curvatureAt(path, near.s_m + along_m)};
 }
 
-Path driven(const Path& line, double ahead_m) {
+Path trackedPath(const Path& line, double ahead_m) {
   if (line.empty()) return {};
   const PathPoint here = beside(line, Eigen::Vector2d::Zero());
   double off_m = (Eigen::Rotation2Dd(-here.heading_rad) * -Eigen::Vector2d(here.x_m, here.y_m)).y();
@@ -48,29 +48,31 @@ Path driven(const Path& line, double ahead_m) {
   return path;
 }
 
-ToldLine::ToldLine(const std::vector<Eigen::Vector3d>& line_m) {
+ToldLine::ToldLine(const std::vector<Eigen::Vector3d>& line_map_m) {
   constexpr double kSame_m = 1e-3;
   const auto apart_m = [](const Eigen::Vector3d& a, const Eigen::Vector3d& b) {
     return (a - b).head<2>().norm();
   };
-  for (const Eigen::Vector3d& p_m : line_m)
-    if (x_line_m.empty() || apart_m(p_m, x_line_m.back()) > kSame_m) x_line_m.push_back(p_m);
-  while (x_line_m.size() > 1 && apart_m(x_line_m.front(), x_line_m.back()) <= kSame_m) x_line_m.pop_back();
+  for (const Eigen::Vector3d& p_m : line_map_m)
+    if (x_line_map_m.empty() || apart_m(p_m, x_line_map_m.back()) > kSame_m) x_line_map_m.push_back(p_m);
+  while (x_line_map_m.size() > 1 && apart_m(x_line_map_m.front(), x_line_map_m.back()) <= kSame_m)
+    x_line_map_m.pop_back();
+  if (x_line_map_m.size() < 3) throw std::invalid_argument("ToldLine: fewer than three points");
   x_s_m.push_back(0);
-  for (std::size_t i = 0; i < x_line_m.size(); ++i)
-    x_s_m.push_back(x_s_m.back() + apart_m(x_line_m[(i + 1) % x_line_m.size()], x_line_m[i]));
+  for (std::size_t i = 0; i < x_line_map_m.size(); ++i)
+    x_s_m.push_back(x_s_m.back() + apart_m(x_line_map_m[(i + 1) % x_line_map_m.size()], x_line_map_m[i]));
 }
 
 std::optional<double> ToldLine::stationOf(const Pose& T_map_body) const {
-  constexpr double kNear_m = 20, kTurned_rad = 60 * kDegree;
+  constexpr double kNear_m = 10, kTurned_rad = 60 * kDegree;
   const Eigen::Vector2d p_m = T_map_body.translation().head<2>();
   const Eigen::Vector2d course(std::cos(yawOf(T_map_body)), std::sin(yawOf(T_map_body)));
   double nearest_m = kNear_m;
   std::optional<double> station_m;
-  for (std::size_t i = 0; i < x_line_m.size(); ++i) {
+  for (std::size_t i = 0; i < x_line_map_m.size(); ++i) {
     const double length_m = x_s_m[i + 1] - x_s_m[i];
-    const Eigen::Vector2d from_m = x_line_m[i].head<2>();
-    const Eigen::Vector2d along = (x_line_m[(i + 1) % x_line_m.size()].head<2>() - from_m) / length_m;
+    const Eigen::Vector2d from_m = x_line_map_m[i].head<2>();
+    const Eigen::Vector2d along = (x_line_map_m[(i + 1) % x_line_map_m.size()].head<2>() - from_m) / length_m;
     if (along.dot(course) < std::cos(kTurned_rad)) continue;
     const double on_m = std::clamp(along.dot(p_m - from_m), 0.0, length_m);
     const double off_m = (from_m + on_m * along - p_m).norm();
@@ -87,7 +89,7 @@ Eigen::Vector3d ToldLine::at(double s_m) const {
   const auto after = std::upper_bound(std::next(x_s_m.begin()), std::prev(x_s_m.end()), here_m);
   const auto i = static_cast<std::size_t>(std::distance(x_s_m.begin(), after)) - 1;
   const double share = (here_m - x_s_m[i]) / (x_s_m[i + 1] - x_s_m[i]);
-  return x_line_m[i] + share * (x_line_m[(i + 1) % x_line_m.size()] - x_line_m[i]);
+  return x_line_map_m[i] + share * (x_line_map_m[(i + 1) % x_line_map_m.size()] - x_line_map_m[i]);
 }
 
 Path ToldLine::from(const Pose& T_map_body, double ahead_m) const {
@@ -95,11 +97,16 @@ Path ToldLine::from(const Pose& T_map_body, double ahead_m) const {
   const auto station_m = stationOf(T_map_body);
   if (!station_m) return {};
   const Eigen::Vector3d p_map_m = T_map_body.translation(), up = T_map_body.linear().col(2);
-  const double beside_m = at(*station_m).z();
+  const auto planeHeight_m = [&](const Eigen::Vector3d& off_m) {  // of the plane that the car stands on
+    return -up.head<2>().dot(off_m.head<2>()) / up.z();
+  };
+  const Eigen::Vector3d beside_m = at(*station_m);
+  const double beside_height_m = planeHeight_m(beside_m - p_map_m);
   const auto seen = [&](double s_m) -> Eigen::Vector2d {
-    Eigen::Vector3d off_m = at(*station_m + s_m) - p_map_m;
-    const double climb_m = off_m.z() + p_map_m.z() - beside_m;
-    off_m.z() = std::isfinite(climb_m) ? climb_m : -up.head<2>().dot(off_m.head<2>()) / up.z();
+    const Eigen::Vector3d q_m = at(*station_m + s_m);
+    Eigen::Vector3d off_m = q_m - p_map_m;
+    const double climb_m = q_m.z() - beside_m.z();
+    off_m.z() = std::isfinite(climb_m) ? beside_height_m + climb_m : planeHeight_m(off_m);
     return (T_map_body.linear().transpose() * off_m).head<2>();
   };
   Path path;

@@ -238,7 +238,7 @@ TEST_F(BadLive, RaceLineIsMissingOrOfAnotherPlace) {
     far += std::to_string(1e5 + 30 * std::cos(0.1 * M_PI * i)) + "," +
            std::to_string(30 * std::sin(0.1 * M_PI * i)) + "\n";
   writeFile(in / "far.csv", far);
-  expectRefused(with(play, {"--race-line", in / "far.csv"}), {"race line", "nowhere near it"});
+  expectRefused(with(play, {"--race-line", in / "far.csv"}), {"race line", "nowhere driven along it"});
   expectRefused({app("raceloc-live"), "-c", ini("live.ini"), "--odometry-only", "-i", kDrive.race(),
                  "--race-line", in / "far.csv", "--trajectory", out / "x.tum"},
                 {"--odometry-only"});

@@ -1,5 +1,6 @@
 /** \file
- * Given a localized car that is told a line, when the line leads into a wall, then the guard takes over. */
+ * Given a localized car that is told a line, when the line leads into a wall, then the guard takes over; one that can be
+ * driven is left alone. */
 #include <gtest/gtest.h>
 
 #include <cmath>
@@ -60,9 +61,9 @@ TEST(RaceLine, OfTheSurveyIsLeftAloneAndOneBeyondTheWallIsNot) {
   const Guarded sound = guarded(0);
   EXPECT_GT(sound.localized, 100);  // 15 s at 10 Hz
   EXPECT_EQ(sound.emergency, 0);
-  // Beyond the outer wall all round. A line is come onto by 2.5 m in the second that is looked ahead: where the car is as
-  // near to the wall as that, not before.
-  const Guarded into_wall = guarded(18);
+  // The car nears a line by at most 2.5 m in the second that the guard looks ahead, so that it takes over only where the
+  // outer wall is as near as that. This shows, too, that the line is heard at all.
+  const Guarded into_wall = guarded(8);
   EXPECT_GE(into_wall.emergency, 5);
   EXPECT_GT(into_wall.localized, 50);
 }

@@ -10,7 +10,6 @@ import argparse
 import fnmatch
 import json
 import pathlib
-import re
 
 import drives
 
@@ -44,7 +43,8 @@ up_m = 1
 """
 INJECTED = {("gps_left", 20, 28), ("gps_left", 45, 49), ("gps_right", 45, 49), ("gps_right", 70, 78), ("gps_left", 90, 93),
             ("gps_right", 90, 93)}
-AN_EPOCH_S = 0.15  # fixes come ten times a second
+WITHIN_S = 0.15  # an epoch and a half, at 10 Hz
+BEGIN_S = 1.7e9  # kStartStamp_s of libs/sim
 # From where on monza_like's receivers are silent: half-way round the first lap.
 SILENT = """[fault_01]
 kind = gps_outage
@@ -68,31 +68,30 @@ def rows(tracks):
     return table
 
 
-def spans_of(said):
-    """The refused spans that a run of raceloc-map named: (receiver, from, to)."""
-    return {(label, float(begin), float(end))
-            for label, begin, end in re.findall(r"^GPS REFUSED +(\S+), ([0-9.]+) \.\. ([0-9.]+) s", said, re.MULTILINE)}
+def refused_spans(page):
+    """(receiver, from, to), seconds of the log."""
+    return {(span["receiver"], span["begin_s"] - BEGIN_S, span["end_s"] - BEGIN_S)
+            for span in page["gps_spans"] if span["refused"]}
 
 
 def is_injected(span):
-    return any(span[0] == label and abs(span[1] - begin) <= AN_EPOCH_S and abs(span[2] - end) <= AN_EPOCH_S
+    return any(span[0] == label and abs(span[1] - begin) <= WITHIN_S and abs(span[2] - end) <= WITHIN_S
                for label, begin, end in INJECTED)
 
 
 def measured(apps, name, track, options, devices, faults):
     stem = drives.stem_of(name)
-    log = truth_log = apps.simulate(f"{drives.stem_of(track)}_{drives.stem_of('_'.join(map(str, options)))}"
-                                    f"{'_all' if devices == '*' else ''}", track, *options, devices=devices, seed=5)
+    log = truth_log = apps.simulate(drives.stem_of(" ".join(map(str, (track, *options, devices)))).strip("_"), track, *options, devices=devices, seed=5)
     if faults:
         ini = apps.folder / f"{stem}_faults.ini"
         ini.write_text(faults)
         log = apps.inject(log, stem, ini)
     chart, keys, cpu = (apps.folder / f"{stem}{end}" for end in (".rlmap", "_keys.tum", "_cpu.json"))
-    said = apps.run(apps.bin / "raceloc-eval", "cpu", "--json", cpu, "--", apps.bin / "raceloc-map", "-c",
-                    drives.ROOT / "ini/map.ini", "--replace", "-o", chart, "--trajectory", keys, log)
+    apps.run(apps.bin / "raceloc-eval", "cpu", "--json", cpu, "--", apps.bin / "raceloc-map", "-c",
+             drives.ROOT / "ini/map.ini", "--replace", "-o", chart, "--trajectory", keys, log)
     errors = apps.figures(drives.truth_of(truth_log), keys)["errors"]
     page, usage = (json.loads(path.read_text()) for path in (chart.with_suffix(".json"), cpu))
-    refused = spans_of(said)
+    refused = refused_spans(page)
     named = sum(map(is_injected, refused))
     rmse = [errors[f"{way}_m"]["rmse"] for way in ("lateral", "longitudinal", "height")]
     return dict(zip(COLUMNS, (page["graph"]["key_poses"], *rmse, f"{named} of {len(INJECTED) if faults == SPANS else 0}",

@@ -4,6 +4,7 @@
 
 #include <cmath>
 #include <limits>
+#include <stdexcept>
 
 #include "support/forall.h"
 #include "wall/tracked_path.h"
@@ -51,11 +52,12 @@ TEST(ToldLineProperty, IsTheArcThatACarOnItDrives) {
   forAll(20, [&](Random& rnd) {
     const Path path = line.from(onCircle(rnd.uniform(-10, 10)), 60);
     constexpr double kChord_m = 1.0 / 8 / kRadius_m;  // sagitta of 1 m
-    for (const PathPoint& q : path) {
-      EXPECT_NEAR(std::hypot(q.x_m, q.y_m - kRadius_m), kRadius_m, 2 * kChord_m);
-      EXPECT_NEAR(q.curvature_per_m, 1 / kRadius_m,
-                  1.1 / kRadius_m);  // of a polygon: a step has 0 to 2 corners
+    double turned_rad = 0;
+    for (std::size_t i = 0; i < path.size(); ++i) {
+      EXPECT_NEAR(std::hypot(path[i].x_m, path[i].y_m - kRadius_m), kRadius_m, 2 * kChord_m);
+      if (i > 0) turned_rad += path[i].curvature_per_m * (path[i].s_m - path[i - 1].s_m);
     }
+    EXPECT_NEAR(turned_rad, path.back().s_m / kRadius_m, 1.1 / kRadius_m);  // within a corner
     const PathPoint here = beside(path, Eigen::Vector2d::Zero());
     EXPECT_NEAR(here.heading_rad, 0, 1 / kRadius_m);
     EXPECT_NEAR(path.back().s_m - here.s_m, 60, 1.01);
@@ -76,19 +78,18 @@ TEST(ToldLineProperty, LiesAsItDidWhenMapAndCarAreMoved) {
 TEST(ToldLineProperty, OnAPlaneIsTheSameWithHeightsAndWithout) {
   forAll(20, [](Random& rnd) {
     const double slope = rnd.uniform(-0.4, 0.4);
-    // A car that stands on the plane, on the line.
+    // A car that stands on the plane, beside the line.
     const double at_rad = rnd.uniform(-9, 9), heading_rad = at_rad + M_PI / 2;
+    const double r_m = kRadius_m - rnd.uniform(-8, 8);
     const Eigen::Vector3d up = Eigen::Vector3d(-slope, 0, 1).normalized();
     const Eigen::Vector3d ahead =
         Eigen::Vector3d(std::cos(heading_rad), std::sin(heading_rad), slope * std::cos(heading_rad))
             .normalized();
     Pose T = Pose::Identity();
     T.linear() << ahead, up.cross(ahead), up;
-    T.translation() << kRadius_m * std::cos(at_rad), kRadius_m * std::sin(at_rad),
-        slope * kRadius_m * std::cos(at_rad);
-    constexpr double kBeside_m = 2.0 / 8 / kRadius_m;  // the height beside the car is that of a chord
+    T.translation() << r_m * std::cos(at_rad), r_m * std::sin(at_rad), slope * r_m * std::cos(at_rad);
     const Path with = ToldLine(circle(slope)).from(T, 80);
-    expectSame(with, ToldLine(circle(slope, false)).from(T, 80), kBeside_m);
+    expectSame(with, ToldLine(circle(slope, false)).from(T, 80), 1e-9);
     // In its own plane the way is as long as it is.
     EXPECT_GT(with.back().s_m, 84.9);
   });
@@ -96,11 +97,17 @@ TEST(ToldLineProperty, OnAPlaneIsTheSameWithHeightsAndWithout) {
 
 TEST(ToldLineProperty, IsNotThereForACarThatIsElsewhere) {
   const ToldLine line(circle(0));
-  EXPECT_FALSE(line.from(onCircle(1, 19), 60).empty());
-  EXPECT_TRUE(line.from(onCircle(1, 21), 60).empty());
+  EXPECT_FALSE(line.from(onCircle(1, 9), 60).empty());
+  EXPECT_TRUE(line.from(onCircle(1, 11), 60).empty());
   EXPECT_FALSE(line.from(onCircle(1, 0, 55 * kDegree), 60).empty());
-  EXPECT_TRUE(line.from(onCircle(1, 0, 70 * kDegree), 60).empty());  // 20 m on it has turned by 8
+  EXPECT_TRUE(line.from(onCircle(1, 0, 70 * kDegree), 60).empty());  // 10 m on it has turned by 4
   EXPECT_TRUE(line.from(onCircle(1, 0, M_PI), 60).empty());
+}
+
+TEST(ToldLineProperty, NeedsThreePoints) {
+  EXPECT_THROW(ToldLine({}), std::invalid_argument);
+  EXPECT_THROW(ToldLine({{0, 0, 0}, {5, 0, 0}, {5, 0, 3}}), std::invalid_argument);
+  EXPECT_FALSE(ToldLine({{0, 0, 0}, {50, 0, 0}, {50, 50, 0}}).from(Pose::Identity(), 10).empty());
 }
 
 TEST(ToldLineProperty, AtACrossingIsTheLegThatTheCarDrives) {
@@ -118,11 +125,12 @@ TEST(ToldLineProperty, AtACrossingIsTheLegThatTheCarDrives) {
   }
 }
 
-TEST(DrivenPath, BeginsAtTheCarAndComesOntoTheLine) {
+TEST(TrackedPath, BeginsAtTheCarAndComesOntoTheLine) {
   const ToldLine line(circle(0));
   forAll(50, [&](Random& rnd) {
     const double left_m = rnd.uniform(-4, 4), ahead_m = rnd.uniform(5, 30);
-    const Path path = driven(line.from(onCircle(rnd.uniform(-9, 9), left_m), 12 * ahead_m + 60), ahead_m);
+    const Path path =
+        trackedPath(line.from(onCircle(rnd.uniform(-9, 9), left_m), 12 * ahead_m + 60), ahead_m);
     ASSERT_FALSE(path.empty());
     const Eigen::Vector2d middle_m(0, kRadius_m - left_m);
     const auto off_m = [&](const PathPoint& q) {
@@ -139,7 +147,7 @@ TEST(DrivenPath, BeginsAtTheCarAndComesOntoTheLine) {
     // 4 m at that slope take 3 times ahead_m, the last metre fades by e in each.
     EXPECT_NEAR(off_m(path.back()), 0, 0.01);
   });
-  EXPECT_TRUE(driven({}, 10).empty());
+  EXPECT_TRUE(trackedPath({}, 10).empty());
 }
 
 }  // namespace
