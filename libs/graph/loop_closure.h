@@ -145,9 +145,9 @@ struct RefusedLoop {
   std::size_t i, j;
   LoopRefusal reason;
   double residual_m, overlap;  ///< of the best fit
-  double
-      off_m;  ///< `disagrees`: the least by which it misses a kept neighbour's word; `contradicted`: by which it misses
-              ///< the graph; else 0
+  /** `disagrees`: the least by which it misses a kept neighbour's word; `contradicted`: by which it misses the graph; else
+   * 0. */
+  double off_m;
 };
 /** "key poses 12 and 3400: too few neighbours confirm it (residual 0.150 m, ...)": a line of the QA report. */
 [[nodiscard]] std::string text(const RefusedLoop& refused);
