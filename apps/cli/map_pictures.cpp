@@ -211,8 +211,7 @@ std::string loopPicture(const QaResult& qa, const MapReport& report, double dege
   const std::pair<LoopRefusal, const char*> reasons[] = {{LoopRefusal::ambiguous, "ambiguous"},
                                                          {LoopRefusal::disagrees, "disagrees"},
                                                          {LoopRefusal::alone, "alone"},
-                                                         {LoopRefusal::no_match, "no match"},
-                                                         {LoopRefusal::contradicted, "contradicted"}};
+                                                         {LoopRefusal::no_match, "no match"}};
   Curves refused;
   std::string tics;
   double y = 0;
@@ -227,8 +226,8 @@ std::string loopPicture(const QaResult& qa, const MapReport& report, double dege
   refused.also("NaN notitle");
   return gnuplot(panels("loops", 2, 190, qa) + "set logscale y\nset yrange [0.001<*:*]\n" +
                  panelLabel("off the map [m]") + residuals.script() +
-                 "unset logscale y\nset yrange [-0.7:" + number(y - 0.3) + "]\nset ytics (" + tics +
-                 ")\nunset label 1\n" + lastPanel(qa) + refused.script() + "unset multiplot\n");
+                 "unset logscale y\nset yrange [-0.7:3.7]\nset ytics (" + tics + ")\nunset label 1\n" +
+                 lastPanel(qa) + refused.script() + "unset multiplot\n");
 }
 
 std::string sigmaPicture(const QaResult& qa, double degenerate_sigma_m) {

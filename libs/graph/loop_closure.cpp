@@ -485,9 +485,6 @@ std::string text(const RefusedLoop& refused) {
     case LoopRefusal::ambiguous:
       reason = "it fits as well with all its neighbours shifted";
       break;
-    case LoopRefusal::contradicted:
-      reason = "the refined graph puts it elsewhere";
-      break;
   }
   char line[240];
   std::snprintf(line, sizeof line,

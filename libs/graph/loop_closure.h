@@ -134,20 +134,17 @@ struct LoopEdge {
 };
 
 enum class LoopRefusal {
-  no_match,      ///< the submaps do not fit anywhere within the search
-  alone,         ///< fewer than min_agreeing neighbours confirm it
-  disagrees,     ///< odometry and kept neighbours put it elsewhere
-  ambiguous,     ///< it and its neighbours fit nearly as well shifted all together
-  contradicted,  ///< the graph with all loops and fixes puts it elsewhere
+  no_match,   ///< the submaps do not fit anywhere within the search
+  alone,      ///< fewer than min_agreeing neighbours confirm it
+  disagrees,  ///< odometry and kept neighbours put it elsewhere
+  ambiguous,  ///< it and its neighbours fit nearly as well shifted all together
 };
 
 struct RefusedLoop {
   std::size_t i, j;
   LoopRefusal reason;
   double residual_m, overlap;  ///< of the best fit
-  /** `disagrees`: the least by which it misses a kept neighbour's word; `contradicted`: by which it misses the graph; else
-   * 0. */
-  double off_m;
+  double off_m;                ///< `disagrees`: the least by which it misses a kept neighbour's word; else 0
 };
 /** "key poses 12 and 3400: too few neighbours confirm it (residual 0.150 m, ...)": a line of the QA report. */
 [[nodiscard]] std::string text(const RefusedLoop& refused);

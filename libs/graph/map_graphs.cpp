@@ -114,20 +114,6 @@ Factor loopFactor(const LoopEdge& loop) {
   return BetweenFactor{loop.i, loop.j, loop.T_i_j, whiteningOf(loop.covariance), kOnLoops};
 }
 
-void refuseContradicted(LoopClosures& loops, const std::vector<Pose>& T_map_body) {
-  constexpr double kSay = 0.1;
-  const auto kept_end =
-      std::stable_partition(loops.edges.begin(), loops.edges.end(), [&](const LoopEdge& loop) {
-        const Pose off = loop.T_i_j.inverse() * T_map_body[loop.i].inverse() * T_map_body[loop.j];
-        const double squared = (whiteningOf(loop.covariance) * se3Log(off)).squaredNorm();
-        if (kOnLoops.weight(squared) >= kSay) return true;
-        loops.refused.push_back({loop.i, loop.j, LoopRefusal::contradicted, loop.residual_m, loop.overlap,
-                                 off.translation().norm()});
-        return false;
-      });
-  loops.edges.erase(kept_end, loops.edges.end());
-}
-
 Matrix6d flooredOdometry(const Matrix6d& covariance, const GraphOptions& o) {
   Matrix6d floored = covariance;
   floored.diagonal().head<3>().array() += std::pow(o.odometry_sigma_deg * kDegree, 2);

@@ -60,9 +60,6 @@ struct GraphSolution {
 [[nodiscard]] PoseGraph graphWithoutLoops(GraphKind kind, const std::vector<Keyframe>& keyframes,
                                           std::vector<Pose> T_map_body, const GraphOptions& options);
 [[nodiscard]] Factor loopFactor(const LoopEdge& loop);
-/** Moves loops to the refused ones that have lost their say in a solution: the loss leaves them less than a tenth of the
- * weight that their covariance asks for. A row of posts may lock one loop off among neighbours that are weak. */
-void refuseContradicted(LoopClosures& loops, const std::vector<Pose>& T_map_body);
 
 /** The odometry's covariance, no better than the options say. */
 [[nodiscard]] Matrix6d flooredOdometry(const Matrix6d& covariance, const GraphOptions& options);

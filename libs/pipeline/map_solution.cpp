@@ -132,7 +132,6 @@ MapSolution solveGraphs(gpu::Context& context, SurveyedDrives& drives, const std
     spans = gpsSpans(keyframes, joint.T_map_body, options.graph);
     refuse(keyframes, spans);
   }
-  refuseContradicted(loops, joint.T_map_body);
   joint = solveGraph(GraphKind::joint, keyframes, loops.edges, joint.T_map_body, options.graph);
   if (loop && !race_line_m) {  // where the car drove, as is known now
     loop = loopOf(joint.T_map_body, drives, std::nullopt, options);

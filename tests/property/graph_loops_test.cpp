@@ -438,38 +438,5 @@ TEST(LoopSearchProperty, WithoutFixesALapIsFoundFromWhereTheOneBeforeHasClosed) 
   });
 }
 
-TEST(RefuseContradicted, TakesTheLoopsThatTheGraphHasLeft) {
-  forAll(50, [](Random& rnd) {
-    std::vector<Pose> T_map_body;
-    for (int k = 0; k < 20; ++k) T_map_body.push_back(rnd.pose(M_PI, 100));
-    constexpr double kSigma_rad = 1e-3, kSigma_m = 0.05, kShifted_m = 3;
-    LoopClosures loops;
-    std::vector<std::size_t> right;
-    for (std::size_t i = 0; i < 10; ++i) {
-      LoopEdge edge{i, i + 10, T_map_body[i].inverse() * T_map_body[i + 10], Matrix6d::Zero(), 0.1, 0.9,
-                    3, 0};
-      edge.covariance.diagonal() << Eigen::Vector3d::Constant(kSigma_rad * kSigma_rad),
-          Eigen::Vector3d::Constant(kSigma_m * kSigma_m);
-      edge.T_i_j = noisy(edge.T_i_j, rnd, kSigma_rad, kSigma_m);
-      const bool is_wrong = rnd.integer(0, 3) == 0;
-      if (is_wrong)  // a post off, along the road
-        edge.T_i_j = edge.T_i_j * Eigen::Translation3d(rnd.oneOf({-kShifted_m, kShifted_m}), 0, 0);
-      else
-        right.push_back(i);
-      loops.edges.push_back(edge);
-    }
-    refuseContradicted(loops, T_map_body);
-    std::vector<std::size_t> kept;
-    for (const LoopEdge& edge : loops.edges) kept.push_back(edge.i);
-    EXPECT_EQ(kept, right);
-    EXPECT_EQ(loops.refused.size(), 10 - right.size());
-    for (const RefusedLoop& refused : loops.refused) {
-      EXPECT_EQ(refused.reason, LoopRefusal::contradicted);
-      EXPECT_NEAR(refused.off_m, kShifted_m, 6 * kSigma_m);
-      EXPECT_THAT(text(refused), ::testing::HasSubstr("the refined graph puts it elsewhere"));
-    }
-  });
-}
-
 }  // namespace
 }  // namespace raceloc
