@@ -45,9 +45,9 @@ void describeGraphs(MapContent& content, const SurveyedDrives& drives, const std
       const Eigen::Matrix3d covariance = flooredFix(gps.cov_map_m2, o);
       const Eigen::Vector3d off_m = T_map_body[key] * gps.p_body_antenna_m - gps.p_map_antenna_m;
       const RobustLoss loss{RobustLoss::Kind::cauchy, o.gps_robust_width};
-      content.fixes.push_back(
-          {number(key), gps.receiver, gps.p_map_antenna_m, covariance, gps.p_body_antenna_m,
-           gps.refused ? 0 : loss.weight(off_m.dot(covariance.ldlt().solve(off_m)))});
+      content.fixes.push_back({number(key), gps.receiver, gps.p_map_antenna_m, covariance,
+                               gps.p_body_antenna_m,
+                               gps.refused ? 0 : loss.weight(off_m.dot(covariance.ldlt().solve(off_m)))});
     }
   }
   for (const LoopEdge& loop : loops)
