@@ -55,9 +55,8 @@ ToldLine toldOn(const MapContent& content, const TrackSurface& surface,
                   [&](const KeyPose& key) { return !line.from(key.T_map_body, 0).empty(); });
   if (!is_driven)
     throw InputError(
-        "race line: the map was nowhere driven along it; its points go in the order of driving, metres east "
-        "and "
-        "north of the map's origin");
+        "race line: the map was nowhere driven along it; its points go in the order of driving, metres "
+        "east and north of the map's origin");
   return line;
 }
 

@@ -61,6 +61,23 @@ def write_whole(path, text):
     part.replace(path)
 
 
+class MarkdownTable:
+    """Grows row by row: each is printed, and the file holds all so far."""
+
+    def __init__(self, path, columns):
+        self.path, self.lines = path, []
+        self._put(f"| | {' | '.join(columns)} |")
+        self._put("|" + "---|" * (len(columns) + 1))
+
+    def add(self, name, cells):
+        self._put(f"| {name} | {' | '.join(map(str, cells))} |")
+        write_whole(self.path, "\n".join(self.lines) + "\n")
+
+    def _put(self, line):
+        self.lines.append(line)
+        print(line, flush=True)
+
+
 def stem_of(name):
     return re.sub("[^a-z0-9.]+", "_", name.lower())
 

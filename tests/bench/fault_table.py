@@ -16,6 +16,9 @@ import consistency
 import drives
 import numpy as np
 
+COLUMNS = ("rmse in the plane [m]", "lateral", "along", "heading [deg]", "lateral p95", "heading p95", "worst [m]",
+           "ok, degraded, dead reckoning, lost [%]", "above the protection level", "NEES")
+
 
 def rows():
     """name: (sections of live.ini, fault file or None, what is switched off from the first second on)"""
@@ -54,9 +57,7 @@ def main():
     chart = apps.map_of(survey)
     races = {seed: apps.simulate(f"race_{seed}", args.track, "--laps", args.laps, seed=seed) for seed in args.seeds}
     chosen = {name: row for name, row in rows().items() if fnmatch.fnmatch(name, args.only)}
-    lines = ["| | rmse in the plane [m] | lateral | along | heading [deg] | lateral p95 | heading p95 | worst [m] | ok, "
-             "degraded, dead reckoning, lost [%] | above the protection level | NEES |", "|" + "---|" * 11]
-    print("\n".join(lines), flush=True)
+    table = drives.MarkdownTable(args.folder / "table.md", COLUMNS)
     with ThreadPoolExecutor(args.jobs) as pool:
         runs = {name: [pool.submit(localize, apps, chart, race, seed, name, *row) for seed, race in races.items()]
                 for name, row in chosen.items()}
@@ -69,11 +70,9 @@ def main():
             states = sum(d.states for d in done) * 100 / sum(d.states.sum() for d in done)
             beyond = sum(np.count_nonzero(d.beyond.any(axis=1)) for d in done)
             nees = np.mean(np.concatenate([d.nees for d in done]))
-            lines.append(f"| {name} | {np.sqrt(np.mean(plane**2)):.3f} | {rms[1]:.3f} | {rms[0]:.3f} | "
-                         f"{math.degrees(rms[2]):.3f} | {p95[1]:.3f} | {math.degrees(p95[2]):.3f} | {plane.max():.3f} | "
-                         f"{', '.join(f'{s:.1f}' for s in states)} | {beyond} of {len(e)} | {nees:.2f} |")
-            print(lines[-1], flush=True)
-    (args.folder / "table.md").write_text("\n".join(lines) + "\n")
+            table.add(name, (f"{np.sqrt(np.mean(plane**2)):.3f}", f"{rms[1]:.3f}", f"{rms[0]:.3f}", f"{math.degrees(rms[2]):.3f}",
+                             f"{p95[1]:.3f}", f"{math.degrees(p95[2]):.3f}", f"{plane.max():.3f}",
+                             ", ".join(f"{s:.1f}" for s in states), f"{beyond} of {len(e)}", f"{nees:.2f}"))
 
 
 if __name__ == "__main__":

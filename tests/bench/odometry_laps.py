@@ -6,7 +6,6 @@ Markdown, which it writes as FOLDER/laps.md: how many scans were trusted, drift 
 memory. Logs are deleted when they have been used.
 """
 import argparse
-import json
 import pathlib
 import re
 from concurrent.futures import ThreadPoolExecutor
@@ -28,8 +27,8 @@ def measured(apps, track, laps, seed):
     figures = apps.figures(drives.truth_of(log), tum, "--align", "se3", "--segments", ",".join(map(str, LENGTHS_M)))
     log.unlink()
     drift = [segment["translation_percent"] for segment in figures["drift"]]
-    return dict(zip(COLUMNS, (figures["path_length_m"] / 1e3, f"{trusted} of {scans}", *drift,
-                              float(re.search(r"peak memory (\d+) MiB", said)[1]))))
+    return (figures["path_length_m"] / 1e3, f"{trusted} of {scans}", *drift,
+            int(re.search(r"peak memory (\d+) MiB", said)[1]))
 
 
 def main():
@@ -41,16 +40,12 @@ def main():
     parser.add_argument("--jobs", type=int, default=1)
     args = parser.parse_args()
     apps = drives.Drives(args.bin, args.folder)
-    lines = [f"| | {' | '.join(COLUMNS)} |", "|" + "---|" * (len(COLUMNS) + 1)]
-    print("\n".join(lines), flush=True)
+    table = drives.MarkdownTable(apps.folder / "laps.md", COLUMNS)
     with ThreadPoolExecutor(args.jobs) as pool:
         runs = {f"{track}, seed {seed}": pool.submit(measured, apps, track, args.laps, seed)
                 for track in TRACKS for seed in args.seeds}
         for name, run in runs.items():
-            cells = (f"{value:.3f}" if isinstance(value, float) else value for value in run.result().values())
-            lines.append(f"| {name} | {' | '.join(cells)} |")
-            print(lines[-1], flush=True)
-            drives.write_whole(apps.folder / "laps.md", "\n".join(lines) + "\n")
+            table.add(name, (f"{value:.3f}" if isinstance(value, float) else value for value in run.result()))
 
 
 if __name__ == "__main__":

@@ -81,7 +81,8 @@ def is_injected(span):
 
 def measured(apps, name, track, options, devices, faults):
     stem = drives.stem_of(name)
-    log = truth_log = apps.simulate(drives.stem_of(" ".join(map(str, (track, *options, devices)))).strip("_"), track, *options, devices=devices, seed=5)
+    log = truth_log = apps.simulate(drives.stem_of(" ".join(map(str, (track, *options, devices)))).strip("_"), track,
+                                    *options, devices=devices, seed=5)
     if faults:
         ini = apps.folder / f"{stem}_faults.ini"
         ini.write_text(faults)
@@ -94,12 +95,12 @@ def measured(apps, name, track, options, devices, faults):
     refused = refused_spans(page)
     named = sum(map(is_injected, refused))
     rmse = [errors[f"{way}_m"]["rmse"] for way in ("lateral", "longitudinal", "height")]
-    return dict(zip(COLUMNS, (page["graph"]["key_poses"], *rmse, f"{named} of {len(INJECTED) if faults == SPANS else 0}",
-                              len(refused) - named, f"{len(page['loops'])} ({len(page['refused_loops'])})",
-                              page["loop_residual_m"], page["graph"]["aligned_rmse_m"], page["graph"]["refined_rmse_m"],
-                              page["map"]["wall_thickness_median_m"], round(usage["wall_s"], 1),
-                              round(sum(s["recorded_s"] for s in page["sessions"]), 1), round(usage["peak_rss_MiB"]),
-                              page["verdict"])))
+    return (page["graph"]["key_poses"], *rmse, f"{named} of {len(INJECTED) if faults == SPANS else 0}",
+            len(refused) - named, f"{len(page['loops'])} ({len(page['refused_loops'])})",
+            page["loop_residual_m"], page["graph"]["aligned_rmse_m"], page["graph"]["refined_rmse_m"],
+            page["map"]["wall_thickness_median_m"], round(usage["wall_s"], 1),
+            round(sum(s["recorded_s"] for s in page["sessions"]), 1), round(usage["peak_rss_MiB"]),
+            page["verdict"])
 
 
 def main():
@@ -110,16 +111,12 @@ def main():
     parser.add_argument("--only", default="*")
     args = parser.parse_args()
     apps = drives.Drives(args.bin, args.folder)
-    lines = [f"| | {' | '.join(COLUMNS)} |", "|" + "---|" * (len(COLUMNS) + 1)]
-    print("\n".join(lines), flush=True)
+    table = drives.MarkdownTable(apps.folder / "surveys.md", COLUMNS)
     for name, row in rows(args.tracks).items():
         if not fnmatch.fnmatch(name, args.only):
             continue
         figures = measured(apps, name, *row)
-        cells = (f"{f:.3f}" if isinstance(f, float) and f < 10 else str(f) for f in figures.values())
-        lines.append(f"| {name} | {' | '.join(cells)} |")
-        print(lines[-1], flush=True)
-        drives.write_whole(apps.folder / "surveys.md", "\n".join(lines) + "\n")
+        table.add(name, (f"{f:.3f}" if isinstance(f, float) and f < 10 else f for f in figures))
 
 
 if __name__ == "__main__":
