@@ -16,14 +16,29 @@ void OdometryOptions::describe(OptionList& keys) {
            "the local map reaches this far from the car [m]");
   keys.add("key_scan_m", key_scan_m, atLeast(0),
            "a scan goes into the local map when the car has moved this far since the last one that did [m]");
+  keys.add("covariance_scale", covariance_scale, atLeast(1),
+           "as in [registration], of a match to the local map: the same LiDAR has seen it a moment before");
+  keys.add("min_sigma_m", min_sigma_m, above(0), "likewise [m]");
+  keys.add("min_sigma_deg", min_sigma_deg, above(0), "likewise [deg]");
 }
+
+namespace {
+
+GicpOptions toTheLocalMap(GicpOptions gicp, const OdometryOptions& options) {
+  gicp.covariance_scale = options.covariance_scale;
+  gicp.min_sigma_m = options.min_sigma_m;
+  gicp.min_sigma_deg = options.min_sigma_deg;
+  return gicp;
+}
+
+}  // namespace
 
 LivOdometry::LivOdometry(gpu::Context& context, const OdometryOptions& options, const CropOptions& crop,
                          const CovarianceOptions& covariance, const GicpOptions& gicp,
                          const LevelOptions& level)
     : x_context(context),
       x_options(options),
-      x_gicp(gicp),
+      x_gicp(toTheLocalMap(gicp, options)),
       x_preparer(context, crop, options.scan_voxel_m, covariance),
       x_levelling(level),
       x_local_map(context, gicp.voxel_size_m) {}

@@ -21,6 +21,9 @@ struct OdometryOptions {
   double local_map_radius_m = 120;
   double key_scan_m = 1;
   double first_step_m = 8;
+  double covariance_scale = 10;
+  double min_sigma_m = 0.01;
+  double min_sigma_deg = 0.01;
   void describe(OptionList& keys);
 };
 
