@@ -71,16 +71,6 @@ EXIT STATUS
   missing or wrong (one line says which); 1 a fault of raceloc.
 )";
 
-/** Runs `play(goOn)` with a line of progress, until it ends or somebody wants no more of it. */
-template <class Play>
-auto played(const char* what, const Play& play) {
-  Progress progress(what);
-  return play([&](double share) {
-    progress(share);
-    return stopSignal() == 0;
-  });
-}
-
 /** Which of the ways to run is meant. \throws InputError for arguments that do not go together. */
 void requireConsistent(const LiveArgs& args) {
   const bool is_live = !args.sensors_path.empty() || args.speed;
@@ -203,29 +193,37 @@ void runLive(const LiveArgs& args) {
   double recorded_s = 0;
   std::vector<std::string> kept;
   const Listener write = [&](const LocalizerOutput& output) { outputs.see(output); };
-  const auto finish = [&](const auto& report) {
-    for (auto& path : outputs.commit(report.trajectory)) kept.push_back(std::move(path));
+  const auto finish = [&](const auto& report, const Pose& T_map_odom = Pose::Identity()) {
+    for (auto& path : outputs.commit(T_map_odom)) kept.push_back(std::move(path));
     print(report);
     recorded_s = report.recorded_s;
   };
+  const auto looked_through = [&](const auto& require) {
+    return played("looking through",
+                  [&](const GoOn& go_on) { return require(args.rawlog_path, options, go_on); });
+  };
   try {
-    if (args.odometry_only)
-      finish(played("odometry",
-                    [&](const auto& goOn) { return replayOdometry(args.rawlog_path, options, goOn); }));
-    else if (args.speed || !args.sensors_path.empty())
+    if (args.odometry_only) {
+      const LogSummary log = looked_through(requireScans);
+      const OdometryReport report = played("odometry", [&](const GoOn& go_on) {
+        return replayOdometry(log, options, go_on, [&](const StampedPose& pose) { outputs.see(pose); });
+      });
+      finish(report, report.T_map_odom);
+    } else if (args.speed || !args.sensors_path.empty())
       finish(runInCar(args, options, stream ? &*stream : nullptr, write, kept));
-    else
-      finish(played("localizing", [&](const auto& goOn) {
+    else {
+      const LogSummary log = looked_through(requirePlayable);
+      finish(played("localizing", [&](const GoOn& go_on) {
         const Listener send = streaming(stream ? &*stream : nullptr, {});
         const Listener listen = [&](const LocalizerOutput& output) {
           if (send) send(output);
           write(output);
         };
-        ReplayReport report =
-            replay(args.rawlog_path, args.map_path, args.output_path, options, goOn, listen);
+        ReplayReport report = replay(log, args.map_path, args.output_path, options, go_on, listen);
         if (!args.output_path.empty()) kept.push_back(args.output_path);
         return report;
       }));
+    }
   } catch (const InputError& e) {
     if (stopSignal() != 0)
       throw Stopped(stopSignal(), std::string("stopped early, nothing is kept: ") + e.what());

@@ -20,8 +20,12 @@ bool SceneToKeep::write() {
   return true;
 }
 
-LiveOutputs::LiveOutputs(const LiveArgs& args) {
-  if (!args.trajectory_path.empty()) x_trajectory_probe.emplace(args.trajectory_path);
+LiveOutputs::LiveOutputs(const LiveArgs& args) : x_trajectory_path(args.trajectory_path) {
+  if (!args.trajectory_path.empty()) {
+    x_trajectory.emplace(args.trajectory_path,
+                         args.odometry_only ? std::nullopt : std::optional(originOf(args.map_path)));
+    if (args.odometry_only) x_odometry.emplace(args.trajectory_path);
+  }
   if (!args.integrity_path.empty()) x_tables.push_back(std::make_unique<IntegrityCsv>(args.integrity_path));
   if (!args.decisions_path.empty()) x_tables.push_back(std::make_unique<DecisionCsv>(args.decisions_path));
   if (!args.latency_path.empty()) x_tables.push_back(std::make_unique<LatencyCsv>(args.latency_path));
@@ -31,9 +35,18 @@ LiveOutputs::LiveOutputs(const LiveArgs& args) {
 void LiveOutputs::see(const LocalizerOutput& output) {
   for (const auto& table : x_tables) table->write(output);
   if (x_scene) x_scene->see(output);
+  if (!x_trajectory) return;
+  x_trajectory->write({output.stamp_s, output.T_map_body});
+  x_has_poses = true;
 }
 
-std::vector<std::string> LiveOutputs::commit(const Trajectory& trajectory) {
+void LiveOutputs::see(const StampedPose& odometry) {
+  if (!x_odometry) return;
+  x_odometry->add(odometry);
+  x_has_poses = true;
+}
+
+std::vector<std::string> LiveOutputs::commit(const Pose& T_map_odom) {
   std::vector<std::string> kept;
   for (const auto& table : x_tables) {
     table->commit();
@@ -43,9 +56,10 @@ std::vector<std::string> LiveOutputs::commit(const Trajectory& trajectory) {
     kept.push_back(x_scene->path());
   else if (x_scene)
     std::printf("scene            NONE: no sweep was looked at\n");
-  if (x_trajectory_probe && !trajectory.poses.empty()) {
-    writeTum(x_trajectory_probe->path(), trajectory);
-    kept.push_back(x_trajectory_probe->path());
+  if (x_trajectory && x_has_poses) {
+    if (x_odometry) x_odometry->writeTo(*x_trajectory, T_map_odom);
+    x_trajectory->commit();
+    kept.push_back(x_trajectory_path);
   }
   return kept;
 }

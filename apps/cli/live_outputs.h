@@ -29,16 +29,21 @@ class SceneToKeep {
   bool x_is_final = false;
 };
 
-/** Trajectory, tables and scene that were asked for. What cannot be written is told before the work, not after. */
+/** Trajectory, tables and scene that were asked for, written as a run goes on. What cannot be written is told before
+ * the work, not after. */
 class LiveOutputs {
  public:
   explicit LiveOutputs(const LiveArgs& args);
   void see(const LocalizerOutput& output);
-  /** Writes what a run came to. \return the files that are there now */
-  [[nodiscard]] std::vector<std::string> commit(const Trajectory& trajectory);
+  void see(const StampedPose& odometry);  ///< of a run without a map: T_odom_body
+  /** \param T_map_odom of poses without a map \return the files that are there now */
+  [[nodiscard]] std::vector<std::string> commit(const Pose& T_map_odom = Pose::Identity());
 
  private:
-  std::optional<OutputFile> x_trajectory_probe;  ///< writeTum() claims the file again, after the run
+  std::string x_trajectory_path;
+  std::optional<TumWriter> x_trajectory;
+  bool x_has_poses = false;
+  std::optional<PoseSpool> x_odometry;  ///< what turns it level is known at the end
   std::vector<std::unique_ptr<RunCsv>> x_tables;
   std::optional<SceneToKeep> x_scene;
 };

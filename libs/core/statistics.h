@@ -1,7 +1,9 @@
 #pragma once
 
 #include <algorithm>
+#include <cmath>
 #include <cstddef>
+#include <cstdint>
 #include <vector>
 
 namespace raceloc {
@@ -18,5 +20,32 @@ namespace raceloc {
 [[nodiscard]] inline double quantile(std::vector<double> values, double share) {
   return quantile(values.data(), values.data() + values.size(), share);
 }
+
+/** Quantiles of values that come one by one and are not kept: to 0.1 % between 1e-6 and 1e3, what is beyond counts as
+ * the end that it is beyond; the largest as it is. */
+class RunningQuantiles {
+ public:
+  void add(double value) {
+    const double bin = std::log(std::max(value, kLeast) / kLeast) / kStep;
+    ++x_counts[std::min(static_cast<std::size_t>(bin), x_counts.size() - 1)];
+    ++x_count;
+    x_max = std::max(x_max, value);
+  }
+  /** The value that `share` (0..1) of those added do not exceed; 0 for no values. */
+  [[nodiscard]] double at(double share) const {
+    if (x_count == 0) return 0;
+    auto below = static_cast<std::uint64_t>(share * static_cast<double>(x_count - 1));
+    std::size_t bin = 0;
+    while (below >= x_counts[bin]) below -= x_counts[bin++];
+    return kLeast * std::exp((static_cast<double>(bin) + 0.5) * kStep);
+  }
+  [[nodiscard]] double max() const { return x_max; }  ///< 0 for no values
+
+ private:
+  static constexpr double kLeast = 1e-6, kStep = 0.002;  // ln(1e3 / 1e-6) is 20.7
+  std::vector<std::uint64_t> x_counts = std::vector<std::uint64_t>(10'362);
+  std::uint64_t x_count = 0;
+  double x_max = 0;
+};
 
 }  // namespace raceloc

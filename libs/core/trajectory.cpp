@@ -45,6 +45,40 @@ void TumWriter::requireGood() const {
   if (!x_file) throw cannotWrite(x_output.path());
 }
 
+namespace {
+/** A pose in the spool: stamp and matrix, as they lie in memory. */
+struct SpooledPose {
+  double stamp_s;
+  double matrix[16];
+};
+}  // namespace
+
+PoseSpool::PoseSpool(const std::string& path)
+    : x_output(path + ".spool"),
+      x_file(x_output.temporaryPath(), std::ios::binary | std::ios::in | std::ios::out | std::ios::trunc) {
+  if (!x_file) throw cannotWrite(x_output.path());
+}
+
+void PoseSpool::add(const StampedPose& pose) {
+  SpooledPose spooled{pose.stamp_s, {}};
+  Eigen::Map<Eigen::Matrix4d>(spooled.matrix) = pose.T_map_body.matrix();
+  if (!x_file.write(reinterpret_cast<const char*>(&spooled), sizeof spooled))
+    throw cannotWrite(x_output.path());
+  ++x_count;
+}
+
+void PoseSpool::writeTo(TumWriter& writer, const Pose& T_map_odom) {
+  x_file.flush();
+  x_file.seekg(0);
+  for (std::size_t i = 0; i < x_count; ++i) {
+    SpooledPose spooled{};
+    if (!x_file.read(reinterpret_cast<char*>(&spooled), sizeof spooled)) throw cannotWrite(x_output.path());
+    Pose T_odom_body;
+    T_odom_body.matrix() = Eigen::Map<const Eigen::Matrix4d>(spooled.matrix);
+    writer.write({spooled.stamp_s, T_map_odom * T_odom_body});
+  }
+}
+
 void writeTum(const std::string& path, const Trajectory& trajectory) {
   TumWriter writer(path, trajectory.origin);
   for (const auto& pose : trajectory.poses) writer.write(pose);

@@ -41,6 +41,24 @@ class TumWriter {
   std::ofstream x_file;
 };
 
+/** Poses that wait on disk until it is known what frame they are to be written in: in constant memory, beside the file
+ * that they are for. They go when this does. */
+class PoseSpool {
+ public:
+  /** \param path of the file that they are for \throws InputError if its folder cannot be written. */
+  explicit PoseSpool(const std::string& path);
+  /** \throws InputError if the disk is full. */
+  void add(const StampedPose& pose);
+  /** Writes T_map_odom times each, in the order in which they came. */
+  void writeTo(TumWriter& writer, const Pose& T_map_odom);
+  [[nodiscard]] bool empty() const { return x_count == 0; }
+
+ private:
+  OutputFile x_output;  ///< never committed
+  std::fstream x_file;
+  std::size_t x_count = 0;
+};
+
 /** Writes a whole trajectory as TumWriter does. \throws InputError if the file cannot be written. */
 void writeTum(const std::string& path, const Trajectory& trajectory);
 

@@ -104,7 +104,6 @@ class Tally {
   explicit Tally(ReplayReport& report) : x_report(report) {}
   void add(const LocalizerOutput& output) {
     ++x_report.outputs;
-    x_report.trajectory.poses.push_back({output.stamp_s, output.T_map_body});
     if (output.decision) {
       const GateDecision& decision = output.decision->decision;
       ++x_report.rule_counts[static_cast<int>(decision.rule)];
@@ -119,18 +118,18 @@ class Tally {
     ++x_report.scans;
     if (!output.scan_match->trusted) return;
     ++x_report.trusted_matches;
-    if (output.scan_match->took_s) x_times_s.push_back(*output.scan_match->took_s);
-    x_residuals_m.push_back(output.scan_match->match.residual_m);
-    x_shares.push_back(output.scan_match->match.inlier_share);
-    x_iterations.push_back(output.scan_match->match.iterations);
+    if (output.scan_match->took_s) x_times_s.add(*output.scan_match->took_s);
+    x_residuals_m.add(output.scan_match->match.residual_m);
+    x_shares.add(output.scan_match->match.inlier_share);
+    x_iterations.add(output.scan_match->match.iterations);
   }
   void finish() {
-    x_report.match_residual_m = quantile(x_residuals_m, 0.5);
-    x_report.match_inlier_share = quantile(x_shares, 0.5);
-    x_report.match_iterations = quantile(x_iterations, 0.5);
-    x_report.match_median_s = quantile(x_times_s, 0.5);
-    x_report.match_p99_s = quantile(x_times_s, 0.99);
-    x_report.match_max_s = quantile(x_times_s, 1);
+    x_report.match_residual_m = x_residuals_m.at(0.5);
+    x_report.match_inlier_share = x_shares.at(0.5);
+    x_report.match_iterations = x_iterations.at(0.5);
+    x_report.match_median_s = x_times_s.at(0.5);
+    x_report.match_p99_s = x_times_s.at(0.99);
+    x_report.match_max_s = x_times_s.max();
   }
 
  private:
@@ -144,12 +143,12 @@ class Tally {
   }
 
   ReplayReport& x_report;
-  std::vector<double> x_residuals_m, x_shares, x_iterations, x_times_s;
+  RunningQuantiles x_residuals_m, x_shares, x_iterations, x_times_s;
 };
 
 /** The loop of every run. */
 ReplayReport localize(LogReader& reader, const MapFile& map, const std::string& map_path,
-                      AnnotatedLog* annotated, const ReplayOptions& options, const GoOn& goOn,
+                      AnnotatedLog* annotated, const ReplayOptions& options, const GoOn& go_on,
                       const Listener& listen) {
   requireHash(map, map_path, options.live.map_hash);
   PlaceCheck place(map, map_path, options.live.map_reach_m);
@@ -158,7 +157,6 @@ ReplayReport localize(LogReader& reader, const MapFile& map, const std::string& 
   DeviceWatch watch(context, device.self_test_every_s);
   Localizer localizer(context, map, options.localizer);
   ReplayReport report{};
-  report.trajectory.origin = reader.origin();
   Tally tally(report);
   std::optional<double> first_s;
 
@@ -170,7 +168,7 @@ ReplayReport localize(LogReader& reader, const MapFile& map, const std::string& 
     }
   };
   while (const auto sample = reader.next()) {
-    if (!goOn(reader.progress())) break;
+    if (!go_on(reader.progress())) break;
     const double stamp_s = stampOf(*sample);
     if (!first_s) first_s = stamp_s;
     report.recorded_s = std::max(report.recorded_s, stamp_s - *first_s);
@@ -212,33 +210,38 @@ std::unique_ptr<AnnotatedLog> annotatedLog(const std::string& path, const Geodet
 
 GeodeticPoint originOf(const std::string& map_path) { return requireOrigin(MapFile(map_path), map_path); }
 
-LogSummary requirePlayable(const std::string& log_path, const ReplayOptions& options) {
+LogSummary requireScans(const std::string& log_path, const ReplayOptions& options, const GoOn& go_on) {
   const LogOptions& log = options.localizer.matching.log;
-  LogSummary summary = summarizeRawlog(log_path);
+  LogSummary summary = summarizeRawlog(log_path, go_on);
   requireDevices(summary, log);
-  requireDevice(summary, "gps", log.gps_labels);
-  requireDevice(summary, "vehicle", log.vehicle_labels);
   requireOneClock(summary, log);
   requireSomethingToDisable(summary, options.live.disable_labels);
   return summary;
 }
 
-ReplayReport replay(const std::string& log_path, const std::string& map_path, const std::string& output_path,
-                    const ReplayOptions& options, const GoOn& goOn, const Listener& listen) {
+LogSummary requirePlayable(const std::string& log_path, const ReplayOptions& options, const GoOn& go_on) {
   const LogOptions& log = options.localizer.matching.log;
+  LogSummary summary = requireScans(log_path, options, go_on);
+  requireDevice(summary, "gps", log.gps_labels);
+  requireDevice(summary, "vehicle", log.vehicle_labels);
+  return summary;
+}
+
+ReplayReport replay(const LogSummary& log, const std::string& map_path, const std::string& output_path,
+                    const ReplayOptions& options, const GoOn& go_on, const Listener& listen) {
+  const LogOptions& log_options = options.localizer.matching.log;
   const MapFile map(map_path);
   const GeodeticPoint origin = requireOrigin(map, map_path);
-  const LogSummary summary = requirePlayable(log_path, options);
-  const auto annotated = annotatedLog(output_path, origin, summary.gps_labels, options);
-  LogReader reader(log_path, log, origin, Late::passed);
-  ReplayReport report = localize(reader, map, map_path, annotated.get(), options, goOn, listen);
-  report.faults.merge(logFaults(summary, log, reader));
+  const auto annotated = annotatedLog(output_path, origin, log.gps_labels, options);
+  LogReader reader(log.path, log_options, origin, Late::passed);
+  ReplayReport report = localize(reader, map, map_path, annotated.get(), options, go_on, listen);
+  report.faults.merge(logFaults(log, log_options, reader));
   if (!report.start)
     throw InputError(
-        "rawlog " + log_path + ": no start among " + std::to_string(report.recorded_s) +
+        "rawlog " + log.path + ": no start among " + std::to_string(report.recorded_s) +
         " s: neither a scan match near a fix with a heading (from an INS pose, or two fixes at " +
         std::to_string(options.localizer.policy.min_course_speed_mps) +
-        " m/s or more), nor such fixes for start_patience_s, by GPS labelled " + log.gps_labels +
+        " m/s or more), nor such fixes for start_patience_s, by GPS labelled " + log_options.gps_labels +
         "; is the map of this place?");
   if (annotated) annotated->commit();
   return report;
@@ -259,48 +262,46 @@ ReplayReport localizeLive(const LiveInput& input, const std::string& map_path, c
 
 namespace {
 
-/** The frame of a trajectory, turned about its origin so that its z axis is up, as the last pose knows it. */
-void turnLevel(Trajectory& trajectory, const Level& last) {
-  Pose T_level_odom = Pose::Identity();
-  T_level_odom.linear() =
-      Eigen::Quaterniond::FromTwoVectors(trajectory.poses.back().T_map_body.linear() * last.up_body,
-                                         Eigen::Vector3d::UnitZ())
+/** T_map_odom by the last pose, see OdometryReport. */
+Pose levelled(const Pose& T_odom_last, const Level& last) {
+  Pose T_map_odom = Pose::Identity();
+  T_map_odom.linear() =
+      Eigen::Quaterniond::FromTwoVectors(T_odom_last.linear() * last.up_body, Eigen::Vector3d::UnitZ())
           .toRotationMatrix();
-  for (auto& pose : trajectory.poses) pose.T_map_body = T_level_odom * pose.T_map_body;
+  return T_map_odom;
 }
 
 }  // namespace
 
-OdometryReport replayOdometry(const std::string& log_path, const ReplayOptions& options, const GoOn& goOn) {
+OdometryReport replayOdometry(const LogSummary& log, const ReplayOptions& options, const GoOn& go_on,
+                              const std::function<void(const StampedPose&)>& listen) {
   const MatchingOptions& matching = options.localizer.matching;
-  const LogSummary summary = summarizeRawlog(log_path);
-  requireDevices(summary, matching.log);
-  requireOneClock(summary, matching.log);
-  requireSomethingToDisable(summary, options.live.disable_labels);
   gpu::Context context(matching.device.device, 0, matching.device.threads);
   DeviceWatch watch(context, matching.device.self_test_every_s);
   OdometryStream stream = odometryStream(context, matching);
-  LogReader reader(log_path, matching.log, std::nullopt, Late::passed);
+  LogReader reader(log.path, matching.log, std::nullopt, Late::passed);
   OdometryReport report{};
+  Pose T_odom_last = Pose::Identity();
   const auto take = [&](const OdometryStep& step) {
-    report.trajectory.poses.push_back({step.stamp_s, step.T_odom_body});
+    T_odom_last = step.T_odom_body;
     report.level = step.level;
+    if (listen) listen({step.stamp_s, step.T_odom_body});
   };
   while (auto sample = reader.next()) {
-    if (!goOn(reader.progress())) break;
-    if (stampOf(*sample) >= summary.first_s + options.live.disable_after_s &&
+    if (!go_on(reader.progress())) break;
+    if (stampOf(*sample) >= log.first_s + options.live.disable_after_s &&
         matchesLabel(options.live.disable_labels, labelOf(*sample)))
       continue;
     watch.at(stampOf(*sample));
     stream.add(std::move(*sample), take);
   }
   stream.finish(take);
-  if (report.level) turnLevel(report.trajectory, *report.level);
+  report.T_map_odom = report.level ? levelled(T_odom_last, *report.level) : Pose::Identity();
   const MotionCalibration& calibration = stream.history().calibration();
   report.device_reason = context.reason();
-  report.recorded_s = summary.last_s - summary.first_s;
+  report.recorded_s = log.last_s - log.first_s;
   report.odometry = stream.tally();
-  report.odometry.faults.merge(logFaults(summary, matching.log, reader));
+  report.odometry.faults.merge(logFaults(log, matching.log, reader));
   report.dropped_late = reader.droppedLate();
   report.calibration = calibration.mean();
   report.calibration_sigma = calibration.covariance().diagonal().cwiseSqrt();

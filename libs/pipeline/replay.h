@@ -49,25 +49,29 @@ struct ReplayReport {
   FaultCounts faults;  ///< outputs that did without a source; scans that were passed over
   double match_residual_m, match_inlier_share, match_iterations;  ///< medians over the trusted matches
   double match_max_s, match_p99_s, match_median_s;  ///< wall time of preparation and match of a sweep
-  Trajectory trajectory;
 };
 
 /** Hears of each output while a run goes on. */
 using Listener = std::function<void(const LocalizerOutput&)>;
-/** Is told the share of a log that is done, 0..1. \return false: the log shall end here */
-using GoOn = std::function<bool(double)>;
 
-/** What a log has to hold before it is localized. \throws InputError for a log that cannot be read, one without a LiDAR,
- * vehicle or GPS of the configured labels, with several clocks, or without what shall be switched off. */
-[[nodiscard]] LogSummary requirePlayable(const std::string& log_path, const ReplayOptions& options);
+/** Looks a log through for what it has to hold before it is localized. \throws InputError for a log that cannot be read,
+ * one without a LiDAR, vehicle or GPS of the configured labels, with several clocks, or without what shall be switched
+ * off, and if `go_on` wants no more of it. */
+[[nodiscard]] LogSummary requirePlayable(const std::string& log_path, const ReplayOptions& options,
+                                         const GoOn& go_on);
+/** The same for odometry: neither vehicle nor GPS has to be there. */
+[[nodiscard]] LogSummary requireScans(const std::string& log_path, const ReplayOptions& options,
+                                      const GoOn& go_on);
 
 /** Runs a log through the localizer, in order of its stamps, as fast as it goes.
+ * \param log          of requirePlayable()
  * \param output_path  annotated rawlog, see AnnotatedLog; empty: none
- * \throws InputError as requirePlayable() does, for a map that cannot be read, has no georeference, or is of another hash
+ * \param go_on        false: the log shall end here
+ * \throws InputError for a map that cannot be read, has no georeference, or is of another hash
  * or place (map_check.h), and for a log in which no start was found. */
-[[nodiscard]] ReplayReport replay(const std::string& log_path, const std::string& map_path,
+[[nodiscard]] ReplayReport replay(const LogSummary& log, const std::string& map_path,
                                   const std::string& output_path, const ReplayOptions& options,
-                                  const GoOn& goOn, const Listener& listen = {});
+                                  const GoOn& go_on, const Listener& listen = {});
 
 /** A run that goes on while its observations come. */
 struct LiveInput {
@@ -95,13 +99,18 @@ struct OdometryReport {
   OdometryTally odometry;
   std::size_t dropped_late;
   CalibrationVector calibration, calibration_sigma;
-  Trajectory trajectory;       ///< in the frame of the first scan's body, turned level where that is known
   std::optional<Level> level;  ///< at the end; none without an accelerometer
+  /** `odom` is the body's frame at the first scan, `map` that turned about its origin so that its z axis is up, as the
+   * last pose knows it; the same where nothing tells. */
+  Pose T_map_odom;
 };
 
-/** LIV odometry of a log, without a map. \throws InputError for a log that cannot be read or has no scan of the
- * configured label. */
-[[nodiscard]] OdometryReport replayOdometry(const std::string& log_path, const ReplayOptions& options,
-                                            const GoOn& goOn);
+/** LIV odometry of a log, without a map.
+ * \param log     of requireScans()
+ * \param go_on   false: the log shall end here
+ * \param listen  hears of each T_odom_body as it comes */
+[[nodiscard]] OdometryReport replayOdometry(const LogSummary& log, const ReplayOptions& options,
+                                            const GoOn& go_on,
+                                            const std::function<void(const StampedPose&)>& listen);
 
 }  // namespace raceloc

@@ -14,6 +14,7 @@
 #include "core/labels.h"
 #include "core/options.h"
 #include "core/output_file.h"
+#include "core/statistics.h"
 #include "core/trajectory.h"
 #include "core/types.h"
 #include "support/complaint.h"
@@ -31,6 +32,7 @@ using ::testing::HasSubstr;
 using ::testing::IsEmpty;
 using ::testing::Pair;
 using ::testing::SizeIs;
+using ::testing::UnorderedElementsAre;
 
 std::string textOf(const std::string& path) {
   std::ifstream in(path);
@@ -434,6 +436,47 @@ TEST(TumWriter, NothingAppearsWithoutCommit) {
     EXPECT_THAT(folder.names(), ElementsAre("race.part.tum"));
   }
   EXPECT_THAT(folder.names(), IsEmpty());
+}
+
+TEST(PoseSpool, KeepsPosesForTheFrameThatIsKnownLast) {
+  const TemporaryFolder folder;
+  const Pose first = poseFromRpy({1, -2, 3.5}, 0.1, 0.2, 1), second = poseFromRpy({7, 0, 1e-9}, 0, 0, -3);
+  const Pose T_map_odom = poseFromRpy({0, 0, 0}, 0.3, -0.2, 0);
+  writeTum(folder / "turned.tum", {std::nullopt, {{1.5, T_map_odom * first}, {2, T_map_odom * second}}});
+  TumWriter writer(folder / "spooled.tum", std::nullopt);
+  {
+    PoseSpool spool(folder / "spooled.tum");
+    EXPECT_TRUE(spool.empty());
+    spool.add({1.5, first});
+    spool.add({2, second});
+    EXPECT_FALSE(spool.empty());
+    spool.writeTo(writer, T_map_odom);
+  }
+  writer.commit();
+  EXPECT_EQ(textOf(folder / "spooled.tum"), textOf(folder / "turned.tum"));
+  EXPECT_THAT(folder.names(), UnorderedElementsAre("spooled.tum", "turned.tum"));
+}
+
+TEST(RunningQuantiles, AreThoseOfTheValuesToATenthOfAPercent) {
+  RunningQuantiles running;
+  EXPECT_EQ(running.at(0.5), 0);
+  EXPECT_EQ(running.max(), 0);
+  std::vector<double> values;
+  for (int i = 0; i < 1000; ++i) values.push_back(1e-3 * std::pow(1.007, (i * 613) % 1000));
+  for (const double value : values) running.add(value);
+  for (const double share : {0., 0.01, 0.5, 0.99, 1.}) {
+    const double expected = quantile(values, share);
+    EXPECT_NEAR(running.at(share), expected, 1.01e-3 * expected) << share;
+  }
+  EXPECT_EQ(running.max(), quantile(values, 1));
+}
+
+TEST(RunningQuantiles, WhatIsBeyondTheirRangeIsAtItsEnd) {
+  RunningQuantiles running;
+  for (const double value : {0., 1e9}) running.add(value);
+  EXPECT_NEAR(running.at(0), 1e-6, 1e-8);
+  EXPECT_NEAR(running.at(1), 1e3, 3);
+  EXPECT_EQ(running.max(), 1e9);
 }
 
 TEST(TumWriter, AFolderThatIsMissingIsNamedAtOnce) {

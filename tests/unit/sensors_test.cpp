@@ -519,6 +519,15 @@ TEST_F(SensorsTest, MissingEmptyAndGarbageLogsAreErrors) {
               HasSubstr("text.rawlog: not a rawlog (no object of MRPT at its start)"));
 }
 
+TEST_F(SensorsTest, ALogIsLookedThroughNoFartherThanWanted) {
+  const std::string path = writeLog(in("x.rawlog"), std::vector<Sample>(5, kScan));
+  std::size_t told = 0;
+  EXPECT_THAT(
+      test::complaint([&] { static_cast<void>(summarizeRawlog(path, [&](double) { return ++told < 3; })); }),
+      AllOf(HasSubstr(path), HasSubstr("not read to its end")));
+  EXPECT_EQ(told, 3U);
+}
+
 TEST_F(SensorsTest, UnknownClassesAreErrors) {
   // An object of MRPT is: 0x80 + length of the name, name, version, data, 0x88.
   const std::string path = write("x.rawlog", std::string("\x87") + "CRocket" + '\0' + "\x88");
