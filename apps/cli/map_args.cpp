@@ -2,6 +2,7 @@
 
 #include <cstdio>
 #include <filesystem>
+#include <functional>
 #include <iostream>
 #include <memory>
 #include <utility>
@@ -197,7 +198,8 @@ void build(const BuildArgs& args) {
   requireApart(inputs, outputs);
 
   const auto start = std::chrono::steady_clock::now();
-  const MapInput input = mapInput(args.log_paths, args.race_line_path, options);
+  Stages stages;
+  const MapInput input = mapInput(args.log_paths, args.race_line_path, options, std::ref(stages));
   stopWhenAsked();
   // The store is locked first: another run on the same map would take the files away that this one writes.
   StageStore store(store_path, args.resume ? StageStore::Open::resume : StageStore::Open::anew);
@@ -205,7 +207,6 @@ void build(const BuildArgs& args) {
   try {
     for (const std::string& path : outputs)  // one that cannot be written is told before the work, not after
       if (path != store_path) OutputFile{path};
-    Stages stages;
     built.emplace(buildMap(input, store, options, toolVersion(), [&](const std::string& stage, double share) {
       requireNotStopped();
       stages(stage, share);

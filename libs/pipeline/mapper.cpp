@@ -127,7 +127,7 @@ MapReport reportOf(const SurveyedDrives& drives, MapSolution solved, const Stati
 }  // namespace
 
 MapInput mapInput(const std::vector<std::string>& log_paths, const std::string& race_line_path,
-                  const MapperOptions& options) {
+                  const MapperOptions& options, const StageProgress& progress) {
   std::map<std::string, std::string> path_of;
   for (const std::string& path : log_paths)
     if (const auto [there, is_new] =
@@ -137,7 +137,9 @@ MapInput mapInput(const std::vector<std::string>& log_paths, const std::string& 
                        ": have one name, by which drives are told apart; rename one of them");
   MapInput input;
   if (!race_line_path.empty()) input.race_line_m = readDrivenLine(race_line_path);
-  for (const std::string& path : log_paths) input.logs.push_back(usableLog(path, options.matching.log));
+  for (const std::string& path : log_paths)
+    input.logs.push_back(
+        usableLog(path, options.matching.log, [&](double share) { progress("looking through", share); }));
   requireNearFixes(input.logs);
   return input;
 }

@@ -91,7 +91,8 @@ std::vector<std::string> sourcesOf(std::vector<std::string> receivers, const std
 /** A pattern that switches off nothing is a slip of the pen. */
 void requireSomethingToDisable(const LogSummary& summary, const std::string& patterns) {
   std::vector<std::string> labels;
-  for (const auto& device : summary.devices) labels.push_back(device.label);
+  for (const auto& device : summary.devices)  // one label can be of several classes
+    if (std::find(labels.begin(), labels.end(), device.label) == labels.end()) labels.push_back(device.label);
   const auto unmatched = unmatchedPatterns(patterns, labels);
   if (!unmatched.empty())
     throw InputError("rawlog " + summary.path + ": nothing to disable is labelled " + listed(unmatched) +

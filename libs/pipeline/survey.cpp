@@ -230,8 +230,12 @@ std::string listed(const FaultCounts& faults) {
 
 }  // namespace
 
-SurveyLog usableLog(const std::string& path, const LogOptions& options) {
-  SurveyLog log{path, summarizeRawlog(path)};
+SurveyLog usableLog(const std::string& path, const LogOptions& options,
+                    const std::function<void(double)>& progress) {
+  SurveyLog log{path, summarizeRawlog(path, [&](double share) {
+                  progress(share);
+                  return true;
+                })};
   requireDevices(log.summary, options);
   requireOneClock(log.summary, options);
   return log;

@@ -67,9 +67,10 @@ struct SurveyLog {
   std::string path;
   LogSummary summary;
 };
-/** Reads it whole. \throws InputError for a log that cannot be read, has no LiDAR of the configured labels, a device on
+/** Reads it whole. \param progress is told the share that is done \throws InputError for a log that cannot be read, has no LiDAR of the configured labels, a device on
  * another clock, or a pattern that matches no device. */
-[[nodiscard]] SurveyLog usableLog(const std::string& path, const LogOptions& options);
+[[nodiscard]] SurveyLog usableLog(const std::string& path, const LogOptions& options,
+                                  const std::function<void(double)>& progress);
 
 /** One pass over a log: odometry, key poses, what the receivers and the accelerometer said there.
  * \param origin  of the map frame, given by an earlier log; else the log's own first fix

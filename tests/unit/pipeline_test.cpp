@@ -59,10 +59,11 @@ TEST_F(MapExportsTest, LogsOfPlacesFarApartAreToldBeforeTheWork) {
   const std::string lor = log("lor.rawlog", {39.813, -86.341, 250}),
                     again = log("again.rawlog", {39.815, -86.341, 250}),
                     ims = log("ims.rawlog", {39.795, -86.235, 220});
-  EXPECT_EQ(mapInput({lor, again}, "", {}).logs.size(), 2U);
+  const auto nobody = [](const std::string&, double) {};
+  EXPECT_EQ(mapInput({lor, again}, "", {}, nobody).logs.size(), 2U);
   EXPECT_THAT(
       [&] {
-        (void)mapInput({lor, again, ims}, "", {});
+        (void)mapInput({lor, again, ims}, "", {}, nobody);
       },
       ::testing::ThrowsMessage<InputError>(
           ::testing::AllOf(::testing::HasSubstr("rawlog " + ims + ": of another place, 9"),
