@@ -66,6 +66,16 @@ class Progress {
   bool x_visible;
 };
 
+/** Runs `look(progress)` with a line of progress. \throws Stopped when somebody wants no more of it. */
+template <class Look>
+auto lookedThrough(const Look& look) {
+  Progress line("looking through");
+  return look([&](double share) {
+    requireNotStopped();
+    line(share);
+  });
+}
+
 /** Empty names are files that nobody asked for. \throws InputError for an output that is an input, or another output. */
 void requireApart(const std::vector<std::string>& inputs, const std::vector<std::string>& outputs);
 

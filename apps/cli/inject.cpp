@@ -65,13 +65,8 @@ class FaultyLog {
 void inject(const InjectArgs& args) {
   const auto faults = readFaults(args.faults_path);
   const OutputFile probe(args.output_path);  // an output that cannot be written is told before the work
-  const LogSummary summary = [&] {
-    Progress progress("looking through");
-    return summarizeRawlog(args.input_path, [&](double share) {
-      progress(share);
-      return true;
-    });
-  }();
+  const LogSummary summary =
+      lookedThrough([&](const auto& progress) { return summarizeRawlog(args.input_path, progress); });
   std::vector<DeviceName> devices;
   for (const auto& device : summary.devices)
     if (device.kind != "other" && device.kind != "ins_pose") devices.push_back({device.label, device.kind});

@@ -71,6 +71,16 @@ EXIT STATUS
   missing or wrong (one line says which); 1 a fault of raceloc.
 )";
 
+/** Runs `play(go_on)` with a line of progress, until it ends or somebody wants no more of it. */
+template <class Play>
+auto played(const char* what, const Play& play) {
+  Progress progress(what);
+  return play([&](double share) {
+    progress(share);
+    return stopSignal() == 0;
+  });
+}
+
 /** Which of the ways to run is meant. \throws InputError for arguments that do not go together. */
 void requireConsistent(const LiveArgs& args) {
   const bool is_live = !args.sensors_path.empty() || args.speed;
@@ -180,7 +190,10 @@ void runLive(const LiveArgs& args) {
   if (args.map_hash) options.live.map_hash = *args.map_hash;
   if (!args.race_line_path.empty()) options.localizer.race_line_map_m = readDrivenLine(args.race_line_path);
   if (args.verbose) std::cout << options.iniText() << "\n";
-  LiveOutputs outputs(args);
+  std::optional<GeodeticPoint> origin;  // a map that is no good is told before the log is looked through
+  if (!args.odometry_only) origin = originOf(args.map_path);
+  stopWhenAsked();
+  LiveOutputs outputs(args, origin);
   std::optional<LineStream> stream;
   if (!options.live.stream.empty()) {
     stream.emplace(options.live.stream);
@@ -188,45 +201,44 @@ void runLive(const LiveArgs& args) {
   }
 
   if (!args.odometry_only) printFalseRejects(options.localizer.estimator);
-  stopWhenAsked();
   const auto start = std::chrono::steady_clock::now();
   double recorded_s = 0;
   std::vector<std::string> kept;
   const Listener write = [&](const LocalizerOutput& output) { outputs.see(output); };
-  const auto finish = [&](const auto& report, const Pose& T_map_odom = Pose::Identity()) {
+  const auto finish = [&](const auto& report, const Pose& T_map_odom) {
     for (auto& path : outputs.commit(T_map_odom)) kept.push_back(std::move(path));
     print(report);
     recorded_s = report.recorded_s;
   };
-  const auto looked_through = [&](const auto& require) {
-    return played("looking through",
-                  [&](const GoOn& go_on) { return require(args.rawlog_path, options, go_on); });
-  };
   try {
     if (args.odometry_only) {
-      const LogSummary log = looked_through(requireScans);
+      const LogSummary log = lookedThrough(
+          [&](const auto& progress) { return requireScans(args.rawlog_path, options, progress); });
       const OdometryReport report = played("odometry", [&](const GoOn& go_on) {
         return replayOdometry(log, options, go_on, [&](const StampedPose& pose) { outputs.see(pose); });
       });
       finish(report, report.T_map_odom);
     } else if (args.speed || !args.sensors_path.empty())
-      finish(runInCar(args, options, stream ? &*stream : nullptr, write, kept));
+      finish(runInCar(args, options, stream ? &*stream : nullptr, write, kept), Pose::Identity());
     else {
-      const LogSummary log = looked_through(requirePlayable);
-      finish(played("localizing", [&](const GoOn& go_on) {
+      const LogSummary log = lookedThrough(
+          [&](const auto& progress) { return requirePlayable(args.rawlog_path, options, progress); });
+      const ReplayReport report = played("localizing", [&](const GoOn& go_on) {
         const Listener send = streaming(stream ? &*stream : nullptr, {});
         const Listener listen = [&](const LocalizerOutput& output) {
           if (send) send(output);
           write(output);
         };
-        ReplayReport report = replay(log, args.map_path, args.output_path, options, go_on, listen);
-        if (!args.output_path.empty()) kept.push_back(args.output_path);
-        return report;
-      }));
+        return replay(log, args.map_path, args.output_path, options, go_on, listen);
+      });
+      if (!args.output_path.empty()) kept.push_back(args.output_path);
+      finish(report, Pose::Identity());
     }
   } catch (const InputError& e) {
     if (stopSignal() != 0)
-      throw Stopped(stopSignal(), std::string("stopped early, nothing is kept: ") + e.what());
+      throw Stopped(
+          stopSignal(),
+          "stopped early, " + (kept.empty() ? "nothing is kept" : "kept " + listed(kept)) + ": " + e.what());
     throw;
   }
   const double wall_s = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();

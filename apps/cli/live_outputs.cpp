@@ -20,12 +20,9 @@ bool SceneToKeep::write() {
   return true;
 }
 
-LiveOutputs::LiveOutputs(const LiveArgs& args) : x_trajectory_path(args.trajectory_path) {
-  if (!args.trajectory_path.empty()) {
-    x_trajectory.emplace(args.trajectory_path,
-                         args.odometry_only ? std::nullopt : std::optional(originOf(args.map_path)));
-    if (args.odometry_only) x_odometry.emplace(args.trajectory_path);
-  }
+LiveOutputs::LiveOutputs(const LiveArgs& args, const std::optional<GeodeticPoint>& origin) {
+  if (!args.trajectory_path.empty()) x_trajectory.emplace(args.trajectory_path, origin);
+  if (args.odometry_only) x_odometry.emplace(args.trajectory_path);
   if (!args.integrity_path.empty()) x_tables.push_back(std::make_unique<IntegrityCsv>(args.integrity_path));
   if (!args.decisions_path.empty()) x_tables.push_back(std::make_unique<DecisionCsv>(args.decisions_path));
   if (!args.latency_path.empty()) x_tables.push_back(std::make_unique<LatencyCsv>(args.latency_path));
@@ -41,7 +38,6 @@ void LiveOutputs::see(const LocalizerOutput& output) {
 }
 
 void LiveOutputs::see(const StampedPose& odometry) {
-  if (!x_odometry) return;
   x_odometry->add(odometry);
   x_has_poses = true;
 }
@@ -59,7 +55,7 @@ std::vector<std::string> LiveOutputs::commit(const Pose& T_map_odom) {
   if (x_trajectory && x_has_poses) {
     if (x_odometry) x_odometry->writeTo(*x_trajectory, T_map_odom);
     x_trajectory->commit();
-    kept.push_back(x_trajectory_path);
+    kept.push_back(x_trajectory->path());
   }
   return kept;
 }

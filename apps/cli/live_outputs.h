@@ -33,14 +33,14 @@ class SceneToKeep {
  * the work, not after. */
 class LiveOutputs {
  public:
-  explicit LiveOutputs(const LiveArgs& args);
+  /** \param origin of the map's frame; none without a map \throws InputError */
+  LiveOutputs(const LiveArgs& args, const std::optional<GeodeticPoint>& origin);
   void see(const LocalizerOutput& output);
   void see(const StampedPose& odometry);  ///< of a run without a map: T_odom_body
-  /** \param T_map_odom of poses without a map \return the files that are there now */
-  [[nodiscard]] std::vector<std::string> commit(const Pose& T_map_odom = Pose::Identity());
+  /** \param T_map_odom of a run without a map, else identity \return the files that are there now */
+  [[nodiscard]] std::vector<std::string> commit(const Pose& T_map_odom);
 
  private:
-  std::string x_trajectory_path;
   std::optional<TumWriter> x_trajectory;
   bool x_has_poses = false;
   std::optional<PoseSpool> x_odometry;  ///< what turns it level is known at the end

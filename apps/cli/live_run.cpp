@@ -109,9 +109,8 @@ Supply sensorsOf(const LiveArgs& args) {
 }
 
 Supply logOf(const LiveArgs& args, const ReplayOptions& options) {
-  const LogSummary summary = played("looking through", [&](const GoOn& go_on) {
-    return requirePlayable(args.rawlog_path, options, go_on);
-  });
+  const LogSummary summary = lookedThrough(
+      [&](const auto& progress) { return requirePlayable(args.rawlog_path, options, progress); });
   const LogHeader header = MessageReader(args.rawlog_path).header();
   const LogPlayback playback(args.rawlog_path, summary.first_s, *args.speed);
   return {withGpsLabels(header, summary.gps_labels), summary.gps_labels, {playback.feed()}, [playback] {

@@ -6,21 +6,10 @@
 #include <string>
 #include <vector>
 
-#include "cli/app.h"
 #include "cli/live_args.h"
 #include "pipeline/line_stream.h"
 
 namespace raceloc {
-
-/** Runs `play(go_on)` with a line of progress, until it ends or somebody wants no more of it. */
-template <class Play>
-auto played(const char* what, const Play& play) {
-  Progress progress(what);
-  return play([&](double share) {
-    progress(share);
-    return stopSignal() == 0;
-  });
-}
 
 /** Sends each output down a stream. \param stream null: nobody listens
  * \param now_s the time that the stamps' clock has now; empty: it has none */

@@ -22,12 +22,11 @@ namespace raceloc {
 }
 
 /** Quantiles of values that come one by one and are not kept: to 0.1 % between 1e-6 and 1e3, what is beyond counts as
- * the end that it is beyond; the largest as it is. */
+ * the end that it is beyond; the largest as it is. Values are finite. */
 class RunningQuantiles {
  public:
   void add(double value) {
-    const double bin = std::log(std::max(value, kLeast) / kLeast) / kStep;
-    ++x_counts[std::min(static_cast<std::size_t>(bin), x_counts.size() - 1)];
+    ++x_counts[static_cast<std::size_t>(std::log(std::clamp(value, kLeast, kMost) / kLeast) / kStep)];
     ++x_count;
     x_max = std::max(x_max, value);
   }
@@ -37,13 +36,14 @@ class RunningQuantiles {
     auto below = static_cast<std::uint64_t>(share * static_cast<double>(x_count - 1));
     std::size_t bin = 0;
     while (below >= x_counts[bin]) below -= x_counts[bin++];
-    return kLeast * std::exp((static_cast<double>(bin) + 0.5) * kStep);
+    return std::min(x_max, kLeast * std::exp((static_cast<double>(bin) + 0.5) * kStep));
   }
   [[nodiscard]] double max() const { return x_max; }  ///< 0 for no values
 
  private:
-  static constexpr double kLeast = 1e-6, kStep = 0.002;  // ln(1e3 / 1e-6) is 20.7
-  std::vector<std::uint64_t> x_counts = std::vector<std::uint64_t>(10'362);
+  static constexpr double kLeast = 1e-6, kMost = 1e3, kStep = 0.002;
+  std::vector<std::uint64_t> x_counts =
+      std::vector<std::uint64_t>(static_cast<std::size_t>(std::log(kMost / kLeast) / kStep) + 1);
   std::uint64_t x_count = 0;
   double x_max = 0;
 };

@@ -69,7 +69,7 @@ void PoseSpool::add(const StampedPose& pose) {
 
 void PoseSpool::writeTo(TumWriter& writer, const Pose& T_map_odom) {
   x_file.flush();
-  x_file.seekg(0);
+  if (!x_file.seekg(0)) throw cannotWrite(x_output.path());
   for (std::size_t i = 0; i < x_count; ++i) {
     SpooledPose spooled{};
     if (!x_file.read(reinterpret_cast<char*>(&spooled), sizeof spooled)) throw cannotWrite(x_output.path());

@@ -33,6 +33,7 @@ class TumWriter {
   void write(const StampedPose& pose);
   /** \throws InputError if the disk is full or the file cannot be renamed. */
   void commit();
+  [[nodiscard]] const std::string& path() const { return x_output.path(); }
 
  private:
   void requireGood() const;
@@ -47,11 +48,11 @@ class PoseSpool {
  public:
   /** \param path of the file that they are for \throws InputError if its folder cannot be written. */
   explicit PoseSpool(const std::string& path);
-  /** \throws InputError if the disk is full. */
+  /** \param pose  in the frame `odom` \throws InputError if the disk is full, at the latest with writeTo(). */
   void add(const StampedPose& pose);
-  /** Writes T_map_odom times each, in the order in which they came. */
+  /** Writes T_map_odom times each, in the order in which they came; nothing is added after it.
+   * \throws InputError as TumWriter::write() does, and if the disk was too full to keep them all. */
   void writeTo(TumWriter& writer, const Pose& T_map_odom);
-  [[nodiscard]] bool empty() const { return x_count == 0; }
 
  private:
   OutputFile x_output;  ///< never committed

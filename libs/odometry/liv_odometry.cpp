@@ -24,6 +24,8 @@ void OdometryOptions::describe(OptionList& keys) {
 
 namespace {
 
+/** The local map is what the same LiDAR saw of the same surfaces a moment before, so that a match to it is surer than
+ * one to a map of another day. */
 GicpOptions toTheLocalMap(GicpOptions gicp, const OdometryOptions& options) {
   gicp.covariance_scale = options.covariance_scale;
   gicp.min_sigma_m = options.min_sigma_m;
@@ -50,6 +52,9 @@ constexpr int kLostForGood = 10;
 /** So many scans in a row may go into the local map by dead reckoning: without them the car would leave the map, and
  * never match again. */
 constexpr int kMappedBlindly = 5;
+/** Matches to one map share their errors from scan to scan: of what is learnt from them over seconds, they tell so many
+ * times less, in variance, than of where the car is. */
+constexpr double kShared = 5;
 /** What dead reckoning of one scan leaves open on every axis: 3 deg, 0.5 m. */
 const Matrix6d kLost = (Vector6d() << 0.0027, 0.0027, 0.0027, 0.25, 0.25, 0.25).finished().asDiagonal();
 
@@ -119,7 +124,7 @@ OdometryStep& LivOdometry::add(const Sweep& sweep, MotionHistory& history) {
                       : Fused{step.match.T_target_source, step.match.covariance};
     if (step.match.trusted(x_gicp))  // both ends have the match's error
       history.observe(*x_last_stamp_s, step.stamp_s, x_T_odom_body.inverse() * step.match.T_target_source,
-                      2 * step.match.covariance);
+                      2 * kShared * step.match.covariance);
     const Pose T_odom_body = now.pose;
     step.since_last = {duration_s, x_T_odom_body.inverse() * T_odom_body, now.covariance};
     x_levelling.add(*x_last_stamp_s, x_T_odom_body.linear(), step.since_last, history);

@@ -46,6 +46,7 @@ struct OdometryStep {
 
 class LivOdometry {
  public:
+  /** \param gicp  but for covariance_scale, min_sigma_m and min_sigma_deg, which `options` has for the local map */
   LivOdometry(gpu::Context& context, const OdometryOptions& options, const CropOptions& crop,
               const CovarianceOptions& covariance, const GicpOptions& gicp, const LevelOptions& level = {});
 

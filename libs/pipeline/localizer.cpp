@@ -238,7 +238,7 @@ std::optional<Registration> Localizer::search(const CovarianceCloud& source, con
   const double limit = chiSquareLimit(x_options.estimator.reliability.confirm_false_alarm, 2);
   if (claim_m2 && limit * claim_m2->trace() < std::pow(x_options.search.step_m, 2)) {
     const Registration here = align(x_context, source, x_window.target(), T_guess, gicp);
-    if (here.trusted(gicp)) {
+    if (here.plausible(gicp)) {  // the fix tells what its weakest direction does not
       const Eigen::Vector2d off_m = (here.T_target_source.translation() - T_guess.translation()).head<2>();
       if (squaredMahalanobis(off_m, *claim_m2 + planarFix(here).cov_p_m2) <= limit) return here;
     }

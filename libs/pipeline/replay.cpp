@@ -211,18 +211,20 @@ std::unique_ptr<AnnotatedLog> annotatedLog(const std::string& path, const Geodet
 
 GeodeticPoint originOf(const std::string& map_path) { return requireOrigin(MapFile(map_path), map_path); }
 
-LogSummary requireScans(const std::string& log_path, const ReplayOptions& options, const GoOn& go_on) {
+LogSummary requireScans(const std::string& log_path, const ReplayOptions& options,
+                        const std::function<void(double)>& progress) {
   const LogOptions& log = options.localizer.matching.log;
-  LogSummary summary = summarizeRawlog(log_path, go_on);
+  LogSummary summary = summarizeRawlog(log_path, progress);
   requireDevices(summary, log);
   requireOneClock(summary, log);
   requireSomethingToDisable(summary, options.live.disable_labels);
   return summary;
 }
 
-LogSummary requirePlayable(const std::string& log_path, const ReplayOptions& options, const GoOn& go_on) {
+LogSummary requirePlayable(const std::string& log_path, const ReplayOptions& options,
+                           const std::function<void(double)>& progress) {
   const LogOptions& log = options.localizer.matching.log;
-  LogSummary summary = requireScans(log_path, options, go_on);
+  LogSummary summary = requireScans(log_path, options, progress);
   requireDevice(summary, "gps", log.gps_labels);
   requireDevice(summary, "vehicle", log.vehicle_labels);
   return summary;
@@ -286,10 +288,11 @@ OdometryReport replayOdometry(const LogSummary& log, const ReplayOptions& option
   const auto take = [&](const OdometryStep& step) {
     T_odom_last = step.T_odom_body;
     report.level = step.level;
-    if (listen) listen({step.stamp_s, step.T_odom_body});
+    listen({step.stamp_s, step.T_odom_body});
   };
   while (auto sample = reader.next()) {
     if (!go_on(reader.progress())) break;
+    report.recorded_s = std::max(report.recorded_s, stampOf(*sample) - log.first_s);
     if (stampOf(*sample) >= log.first_s + options.live.disable_after_s &&
         matchesLabel(options.live.disable_labels, labelOf(*sample)))
       continue;
@@ -300,7 +303,6 @@ OdometryReport replayOdometry(const LogSummary& log, const ReplayOptions& option
   report.T_map_odom = report.level ? levelled(T_odom_last, *report.level) : Pose::Identity();
   const MotionCalibration& calibration = stream.history().calibration();
   report.device_reason = context.reason();
-  report.recorded_s = log.last_s - log.first_s;
   report.odometry = stream.tally();
   report.odometry.faults.merge(logFaults(log, matching.log, reader));
   report.dropped_late = reader.droppedLate();

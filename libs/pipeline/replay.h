@@ -53,21 +53,23 @@ struct ReplayReport {
 
 /** Hears of each output while a run goes on. */
 using Listener = std::function<void(const LocalizerOutput&)>;
+/** Is told the share of a log that is done, 0..1. \return false: the log shall end here */
+using GoOn = std::function<bool(double)>;
 
-/** Looks a log through for what it has to hold before it is localized. \throws InputError for a log that cannot be read,
+/** Looks a log through for what it has to hold before it is localized. \param progress  as of summarizeRawlog()
+ * \throws InputError for a log that cannot be read,
  * one without a LiDAR, vehicle or GPS of the configured labels, with several clocks, or without what shall be switched
- * off, and if `go_on` wants no more of it. */
+ * off. */
 [[nodiscard]] LogSummary requirePlayable(const std::string& log_path, const ReplayOptions& options,
-                                         const GoOn& go_on);
-/** The same for odometry: neither vehicle nor GPS has to be there. */
+                                         const std::function<void(double)>& progress);
+/** The same for odometry: neither vehicle nor GPS has to be there, if it is not named. */
 [[nodiscard]] LogSummary requireScans(const std::string& log_path, const ReplayOptions& options,
-                                      const GoOn& go_on);
+                                      const std::function<void(double)>& progress);
 
 /** Runs a log through the localizer, in order of its stamps, as fast as it goes.
  * \param log          of requirePlayable()
  * \param output_path  annotated rawlog, see AnnotatedLog; empty: none
- * \param go_on        false: the log shall end here
- * \throws InputError for a map that cannot be read, has no georeference, or is of another hash
+ * \throws InputError for a log that cannot be read any more, a map that cannot be read, has no georeference, or is of another hash
  * or place (map_check.h), and for a log in which no start was found. */
 [[nodiscard]] ReplayReport replay(const LogSummary& log, const std::string& map_path,
                                   const std::string& output_path, const ReplayOptions& options,
@@ -107,8 +109,8 @@ struct OdometryReport {
 
 /** LIV odometry of a log, without a map.
  * \param log     of requireScans()
- * \param go_on   false: the log shall end here
- * \param listen  hears of each T_odom_body as it comes */
+ * \param listen  hears of each T_odom_body as it comes
+ * \throws InputError for a log that cannot be read any more. */
 [[nodiscard]] OdometryReport replayOdometry(const LogSummary& log, const ReplayOptions& options,
                                             const GoOn& go_on,
                                             const std::function<void(const StampedPose&)>& listen);

@@ -232,10 +232,7 @@ std::string listed(const FaultCounts& faults) {
 
 SurveyLog usableLog(const std::string& path, const LogOptions& options,
                     const std::function<void(double)>& progress) {
-  SurveyLog log{path, summarizeRawlog(path, [&](double share) {
-                  progress(share);
-                  return true;
-                })};
+  SurveyLog log{path, summarizeRawlog(path, progress)};
   requireDevices(log.summary, options);
   requireOneClock(log.summary, options);
   return log;

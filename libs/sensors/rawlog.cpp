@@ -104,7 +104,7 @@ void LogOptions::describe(OptionList& keys) {
            "samples up to this late are put in order [s]");
 }
 
-LogSummary summarizeRawlog(const std::string& path, const GoOn& go_on) {
+LogSummary summarizeRawlog(const std::string& path, const std::function<void(double)>& progress) {
   RawlogObjects objects(path);
   LogSummary summary{
       path, {}, {}, std::numeric_limits<double>::infinity(), -std::numeric_limits<double>::infinity(),
@@ -112,7 +112,7 @@ LogSummary summarizeRawlog(const std::string& path, const GoOn& go_on) {
   std::optional<GeodeticPoint> first_fix;
   DeviceTally tally;
   while (const auto observation = objects.next()) {
-    if (go_on && !go_on(objects.progress())) throw InputError("rawlog " + path + ": not read to its end");
+    if (progress) progress(objects.progress());
     if (const auto* comment = dynamic_cast<const CObservationComment*>(observation.get())) {
       const LogHeader header = headerIn(*comment);
       if (!summary.origin) summary.origin = header.origin;

@@ -61,13 +61,12 @@ struct LogSummary {
   std::vector<std::string> gps_labels;  ///< of the receivers in it and of those that its header names, sorted
 };
 
-/** Is told the share of a log that is done, 0..1. \return false: no more of it */
-using GoOn = std::function<bool(double)>;
-
 /** Reads the log once, without decoding points.
+ * \param progress  is told the share that is done, 0..1; ends it by throwing
  * \throws InputError if it cannot be read, holds no observation, is truncated or has an unknown class (says
- * after how many objects), or if `go_on` wants no more of it. */
-[[nodiscard]] LogSummary summarizeRawlog(const std::string& path, const GoOn& go_on = {});
+ * after how many objects). */
+[[nodiscard]] LogSummary summarizeRawlog(const std::string& path,
+                                         const std::function<void(double)>& progress = {});
 
 /** \param kind one of the kinds of DeviceSummary
  * \throws InputError "rawlog P: no LiDAR observation labelled L (LiDAR labels in it: a, b)" if `patterns`

@@ -113,10 +113,7 @@ TEST_F(OdometryLaps, GivenARollingStartItIsNeverLost) {
 }
 
 TEST_F(OdometryLaps, GivenALargeLidarTheGyroDoesNotTurnItAway) {
-  Setting large;
-  large.car = "sim/road_car.ini";
-  large.devices = "lidar_top imu* vehicle*";
-  large.segment_m = "350";
+  const Setting large{"sim/road_car.ini", "lidar_top imu* vehicle*", "350"};
   const Driven lap = drive({"--laps", "0.17", "--top-speed", "60"}, "", {}, large);
   expectNeverLost(lap);
   // The gyro's bias is not known before the start. As long as matches were believed to 0.05 deg only, it turned the car

@@ -53,6 +53,7 @@ class LocalizerTest : public ::testing::Test {
     LocalizerOptions options;
     options.trial = trial;
     options.matching.crop = {0, 80, 0, 0, 0};
+    options.matching.registration = registration_;
     Localizer localizer(context_, map, options);
     std::vector<LocalizerOutput> outputs;
     const auto hand = [&](Sample sample) {
@@ -103,6 +104,7 @@ class LocalizerTest : public ::testing::Test {
   gpu::Context context_{gpu::Backend::cpu}, scanner_{gpu::Backend::cpu};
   Cloud street_ = test::street(rnd_, 0.01, 40000);
   std::string path_;
+  GicpOptions registration_;
   std::optional<StartReport> start_;
   std::size_t searches_ = 0, while_matching_ = 0;
 };
@@ -149,6 +151,13 @@ TEST_F(LocalizerTest, AStreetThatLooksAlikeIsNotTakenForTheOneOfTheFix) {
   ASSERT_TRUE(start_ && start_->by_match);
   EXPECT_LT(start_->match_to_fix_m, kMatch_m + 0.06);  // and three sigmas of the fix
   EXPECT_LT(worstError_m(outputs), kMatch_m);
+}
+
+TEST_F(LocalizerTest, BesideASureFixAMatchThatGoesOnAlongItsWeakestDirectionIsNotLookedForElsewhere) {
+  registration_.translation_epsilon_m = registration_.rotation_epsilon_deg = 1e-12;  // none comes to rest
+  static_cast<void>(drive(none));
+  ASSERT_TRUE(start_ && start_->by_match);
+  EXPECT_LT(start_->match_to_fix_m, kMatch_m + 0.06);  // and three sigmas of the fix
 }
 
 TEST_F(LocalizerTest, WhenTheGpsStopsTheMatchCarriesOn) {
