@@ -61,7 +61,8 @@ struct MapInput {
   std::vector<SurveyLog> logs;
   std::optional<std::vector<Eigen::Vector3d>> race_line_m;  ///< none: the first full lap, if there is one
 };
-/** Before any work, reads the logs whole: what is wrong with the files. \param race_line_path  CSV, see readDrivenLine(); may be empty
+/** Before any work, reads the logs whole: what is wrong with the files.
+ * \param race_line_path  CSV, see readDrivenLine(); may be empty
  * \throws InputError as usableLog() and readDrivenLine() do, for two logs of one name, and for logs whose fixes are
  * too far apart to be of one place. */
 [[nodiscard]] MapInput mapInput(const std::vector<std::string>& log_paths, const std::string& race_line_path,

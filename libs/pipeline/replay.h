@@ -56,10 +56,10 @@ using Listener = std::function<void(const LocalizerOutput&)>;
 /** Is told the share of a log that is done, 0..1. \return false: the log shall end here */
 using GoOn = std::function<bool(double)>;
 
-/** Looks a log through for what it has to hold before it is localized. \param progress  as of summarizeRawlog()
- * \throws InputError for a log that cannot be read,
- * one without a LiDAR, vehicle or GPS of the configured labels, with several clocks, or without what shall be switched
- * off. */
+/** Looks a log through for what it has to hold before it is localized.
+ * \param progress  as of summarizeRawlog()
+ * \throws InputError for a log that cannot be read, one without a LiDAR, vehicle or GPS of the configured labels, with
+ * several clocks, or without what shall be switched off. */
 [[nodiscard]] LogSummary requirePlayable(const std::string& log_path, const ReplayOptions& options,
                                          const std::function<void(double)>& progress);
 /** The same for odometry: neither vehicle nor GPS has to be there, if it is not named. */
@@ -69,8 +69,8 @@ using GoOn = std::function<bool(double)>;
 /** Runs a log through the localizer, in order of its stamps, as fast as it goes.
  * \param log          of requirePlayable()
  * \param output_path  annotated rawlog, see AnnotatedLog; empty: none
- * \throws InputError for a log that cannot be read any more, a map that cannot be read, has no georeference, or is of another hash
- * or place (map_check.h), and for a log in which no start was found. */
+ * \throws InputError for a log that cannot be read any more, a map that cannot be read, has no georeference, or is of
+ * another hash or place (map_check.h), and for a log in which no start was found. */
 [[nodiscard]] ReplayReport replay(const LogSummary& log, const std::string& map_path,
                                   const std::string& output_path, const ReplayOptions& options,
                                   const GoOn& go_on, const Listener& listen = {});

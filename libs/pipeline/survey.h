@@ -67,7 +67,9 @@ struct SurveyLog {
   std::string path;
   LogSummary summary;
 };
-/** Reads it whole. \param progress is told the share that is done \throws InputError for a log that cannot be read, has no LiDAR of the configured labels, a device on
+/** Reads it whole.
+ * \param progress  is told the share that is done, 0..1
+ * \throws InputError for a log that cannot be read, has no LiDAR of the configured labels, a device on
  * another clock, or a pattern that matches no device. */
 [[nodiscard]] SurveyLog usableLog(const std::string& path, const LogOptions& options,
                                   const std::function<void(double)>& progress);

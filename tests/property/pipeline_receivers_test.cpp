@@ -122,27 +122,26 @@ TEST(Receivers, BeforeTheStartAFixWithoutAHeadingSaysNothing) {
   EXPECT_EQ(receivers.place()->first_fix_s, kLater_s + kPeriod_s);
 }
 
+/** Of the second of two fixes of so large an error. */
+HeadingKind headingOfTwoFixes(const Circle& circle, double sigma_m) {
+  Receivers receivers{LocalizerPolicy{}};
+  (void)receivers.take(circle.fixAt(1, sigma_m), circle.motionAt(1));
+  return receivers.take(circle.fixAt(1 + kPeriod_s, sigma_m), circle.motionAt(1 + kPeriod_s)).value().heading;
+}
+
 TEST(Receivers, ACarThatIsTooSlowHasNoCourse) {
   Random rnd(1);
   Circle circle(rnd);
-  circle.speed_mps = 0.5 * LocalizerPolicy{}.min_course_speed_mps;
-  Receivers receivers{LocalizerPolicy{}};
   constexpr double kSure_m = 1e-4;  // so that nothing but the speed speaks against it
-  (void)receivers.take(circle.fixAt(1, kSure_m), circle.motionAt(1));
-  const auto fix = receivers.take(circle.fixAt(1 + kPeriod_s, kSure_m), circle.motionAt(1 + kPeriod_s));
-  ASSERT_TRUE(fix);
-  EXPECT_EQ(fix->heading, HeadingKind::none);
+  EXPECT_EQ(headingOfTwoFixes(circle, kSure_m), HeadingKind::course);
+  circle.speed_mps = 0.5 * LocalizerPolicy{}.min_course_speed_mps;
+  EXPECT_EQ(headingOfTwoFixes(circle, kSure_m), HeadingKind::none);
 }
 
 TEST(Receivers, FixesThatAreWorthLessThanTheirChordHaveNoCourse) {
   Random rnd(1);
   const Circle circle(rnd);
-  const double chord_m = circle.speed_mps * kPeriod_s;
-  Receivers receivers{LocalizerPolicy{}};
-  (void)receivers.take(circle.fixAt(1, chord_m), circle.motionAt(1));
-  const auto fix = receivers.take(circle.fixAt(1 + kPeriod_s, chord_m), circle.motionAt(1 + kPeriod_s));
-  ASSERT_TRUE(fix);
-  EXPECT_EQ(fix->heading, HeadingKind::none);
+  EXPECT_EQ(headingOfTwoFixes(circle, circle.speed_mps * kPeriod_s), HeadingKind::none);
 }
 
 TEST(Receivers, WhatComesLateIsHeardButIsNotThePlace) {
