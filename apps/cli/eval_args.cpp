@@ -25,7 +25,7 @@ constexpr char kEvalManual[] = R"(NAME
 SYNOPSIS
   raceloc-eval --truth FILE --estimate FILE [--integrity FILE] [--decisions FILE] [--latency FILE]
                [--report FILE.html] [--picture FILE.svg|FILE.png] [--pictures FOLDER] [--csv FILE] [--json FILE]
-               [--align none|se3] [--max-gap S] [--rpe STEP,...] [--segments M,...] [--sectors N] [--speed-bin V]
+               [--align none|se3|axes] [--max-gap S] [--rpe STEP,...] [--segments M,...] [--sectors N] [--speed-bin V]
   raceloc-eval compare A B [--report FILE.html] [--json FILE] ...   two runs on one truth; see compare --help
   raceloc-eval cpu [--json FILE] ... -- COMMAND ...                 what a command costs; see cpu --help
 
@@ -33,7 +33,7 @@ DESCRIPTION
   Reads two trajectories in TUM format, a line a pose: `stamp_s x y z qx qy qz qw`. Each pose of the estimate is
   compared with the truth interpolated at its stamp; poses outside the truth's span or in its gaps are counted and
   left out. Less than half of the estimate matched is an error; so are two files that are hardly in one frame (a constant
-  offset of kilometres, a constant quarter turn), unless the estimate is moved with --align se3.
+  offset of kilometres, a constant quarter turn), unless the estimate is moved with --align se3 or axes.
   Prints rmse, mean, median, std and max of: position in 3-D and in the plane; lateral and longitudinal along the
   truth's heading; height; heading. Then the relative pose error over steps of time or way, the drift over segments of given
   lengths, as KITTI defines it, and the errors by lap, by sector of the lap and by speed. A lap ends where the truth
@@ -46,6 +46,7 @@ DESCRIPTION
 EXAMPLES
   raceloc-eval --truth build/truth.tum --estimate build/race.tum --report build/report.html
   raceloc-eval --truth truth.tum --estimate odometry.tum --align se3 --segments 100,200,400,800 --rpe 1s,100m
+  raceloc-eval --truth kitti_truth.tum --estimate odometry.tum --align axes
   raceloc-eval --truth truth.tum --estimate race.tum --json figures.json --csv errors.csv
   raceloc-eval --truth truth.tum --estimate race.tum --integrity integrity.csv --decisions decisions.csv --pictures paper/
 
@@ -93,10 +94,12 @@ std::optional<TrajectoryArgs> parseTrajectoryArgs(int argc, char** argv) {
                 false, "", "FOLDER", cmd);
   Text csv("", "csv", "write a line a matched pose with its errors", false, "", "FILE", cmd);
   Text json("", "json", "write the figures for other programs", false, "", "FILE", cmd);
-  Text align("", "align",
-             "none: both are in one map frame (default); se3: move the estimate rigidly to the least squared "
-             "distance first, for odometry without georeference",
-             false, "none", "none|se3", cmd);
+  Text align(
+      "", "align",
+      "none: both are in one map frame (default); se3: move the estimate rigidly to the least squared "
+      "distance first, for odometry without georeference; axes: then turn its body axes by one rotation "
+      "too, for a truth whose axes are calibrated otherwise, as in foreign recordings",
+      false, "none", "none|se3|axes", cmd);
   Text max_gap("", "max-gap",
                "do not interpolate between truth poses further apart than this [s], default 0.5", false,
                "0.5", "S", cmd);
@@ -123,7 +126,8 @@ std::optional<TrajectoryArgs> parseTrajectoryArgs(int argc, char** argv) {
   requireApart(
       {args.truth_path, args.estimate_path, args.integrity_path, args.decisions_path, args.latency_path},
       {args.report_path, args.picture_path, args.csv_path, args.json_path});
-  args.options.align = choiceOf<Alignment>(align, {{"none", Alignment::none}, {"se3", Alignment::se3}});
+  args.options.align = choiceOf<Alignment>(
+      align, {{"none", Alignment::none}, {"se3", Alignment::se3}, {"axes", Alignment::axes}});
   args.options.max_gap_s = positive(max_gap.getValue(), "--max-gap", "seconds");
   args.options.rpe_steps.clear();
   for (const std::string& field : fieldsOf(rpe.getValue())) args.options.rpe_steps.push_back(stepOf(field));

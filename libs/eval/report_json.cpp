@@ -1,4 +1,6 @@
 #include <nlohmann/json.hpp>
+#include <stdexcept>
+#include <string>
 
 #include "eval/report.h"
 #include "eval/report_tables.h"
@@ -8,6 +10,18 @@ namespace raceloc {
 namespace {
 
 using nlohmann::ordered_json;
+
+std::string nameOf(Alignment alignment) {
+  switch (alignment) {
+    case Alignment::none:
+      return "none";
+    case Alignment::se3:
+      return "se3";
+    case Alignment::axes:
+      return "axes";
+  }
+  throw std::logic_error("alignment without a name");
+}
 
 ordered_json figures(const Statistics& s) {
   return {{"rmse", s.rmse}, {"mean", s.mean}, {"median", s.median}, {"std", s.std}, {"max", s.max}};
@@ -83,7 +97,11 @@ std::string figuresJson(const Evaluation& e, const RunTables& run) {
                    {"outside_truth", e.outside_truth},
                    {"in_gaps", e.in_gaps},
                    {"covered_truth_s", e.coveredTruth_s()}};
-  json["aligned"] = e.options.align == Alignment::se3 ? "se3" : "none";
+  json["aligned"] = nameOf(e.options.align);
+  if (e.options.align == Alignment::axes) {
+    const Eigen::Vector3d turn_deg = e.bodyTurn_deg();
+    json["body_axes_turned_deg"] = {turn_deg.x(), turn_deg.y(), turn_deg.z()};
+  }
   json["path_length_m"] = e.path_length_m;
   json["min_speed_mps"] = e.min_speed_mps;
   json["max_speed_mps"] = e.max_speed_mps;

@@ -39,8 +39,15 @@ std::string pathText(const Evaluation& e) {
 std::string alignedText(const Evaluation& e) {
   if (e.options.align == Alignment::none) return "not: both are taken to be in one map frame";
   const Eigen::Vector3d t_m = e.T_map_estimate_frame.translation();
-  return format("rigidly: estimate moved by x %.3f y %.3f z %.3f m, turned by %.3f deg", t_m.x(), t_m.y(),
-                t_m.z(), Eigen::AngleAxisd(e.T_map_estimate_frame.linear()).angle() / kDegree);
+  std::string text =
+      format("rigidly: estimate moved by x %.3f y %.3f z %.3f m, turned by %.3f deg", t_m.x(), t_m.y(),
+             t_m.z(), Eigen::AngleAxisd(e.T_map_estimate_frame.linear()).angle() / kDegree);
+  if (e.options.align == Alignment::axes) {
+    const Eigen::Vector3d turn_deg = e.bodyTurn_deg();
+    text += format("; its body axes by %.3f deg about x, %.3f about y, %.3f about z", turn_deg.x(),
+                   turn_deg.y(), turn_deg.z());
+  }
+  return text;
 }
 
 std::vector<std::string> figureCells(const std::string& name, const Statistics& s,

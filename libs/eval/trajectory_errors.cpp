@@ -84,6 +84,14 @@ void align(Evaluation& e) {
   for (PoseError& pose : e.poses) pose.T_map_estimate = e.T_map_estimate_frame * pose.T_map_estimate;
 }
 
+void turnAxes(Evaluation& e) {
+  Eigen::Affine3d sum(Eigen::Matrix4d::Zero());
+  for (const PoseError& pose : e.poses)
+    sum.linear() += pose.T_map_estimate.linear().transpose() * pose.T_map_truth.linear();
+  e.R_estimate_truth_body = sum.rotation();  // the rotation that is nearest to all of them
+  for (PoseError& pose : e.poses) pose.T_map_estimate.rotate(e.R_estimate_truth_body);
+}
+
 /** Frames that are mixed up make every figure worthless; of an aligned estimate the motion is worth something. */
 void checkFrames(Evaluation& e) {
   std::vector<std::string> mismatches = frameMismatches(e.poses);
@@ -146,6 +154,11 @@ double Evaluation::matchShare() const {
 
 double Evaluation::coveredTruth_s() const { return poses.back().stamp_s - poses.front().stamp_s; }
 
+Eigen::Vector3d Evaluation::bodyTurn_deg() const {
+  const Eigen::AngleAxisd turn(R_estimate_truth_body);
+  return turn.angle() / kDegree * turn.axis();
+}
+
 std::optional<Pose> interpolated(const std::vector<StampedPose>& truth, double stamp_s, double max_gap_s) {
   const auto after = std::lower_bound(truth.begin(), truth.end(), stamp_s,
                                       [](const StampedPose& pose, double t_s) { return pose.stamp_s < t_s; });
@@ -172,9 +185,11 @@ Evaluation evaluate(TrajectoryFile truth, TrajectoryFile estimate, const EvalOpt
   e.estimate = std::move(estimate);
   e.options = options;
   e.T_map_estimate_frame = Pose::Identity();
+  e.R_estimate_truth_body.setIdentity();
   if (options.align == Alignment::none) requireOneMap(e.truth, e.estimate);
   match(e);
-  if (options.align == Alignment::se3) align(e);
+  if (options.align != Alignment::none) align(e);
+  if (options.align == Alignment::axes) turnAxes(e);
   fillErrors(e.poses);
   checkFrames(e);
 

@@ -26,8 +26,11 @@ struct TrajectoryFile {
 
 enum class Alignment {
   none,  ///< both are taken to be in one map frame
-  se3    ///< the estimate is moved rigidly to the least squared distance first: for odometry without
+  se3,   ///< the estimate is moved rigidly to the least squared distance first: for odometry without
          ///< georeference
+  axes   ///< as se3; then its body frame is turned by the mean of the turns to the truth's, the same at all
+         ///< poses: for a truth whose body axes are calibrated otherwise, which would count as drift. On a
+         ///< straight way the turn about it is arbitrary
 };
 
 struct EvalOptions {
@@ -42,10 +45,11 @@ struct EvalOptions {
 struct Evaluation {
   TrajectoryFile truth, estimate;
   EvalOptions options;
-  std::size_t outside_truth;     ///< estimate poses before the truth starts or after it ends
-  std::size_t in_gaps;           ///< estimate poses where the truth has a gap
-  std::vector<PoseError> poses;  ///< the matched ones, in order of time; never empty
-  Pose T_map_estimate_frame;     ///< the alignment: identity without one
+  std::size_t outside_truth;              ///< estimate poses before the truth starts or after it ends
+  std::size_t in_gaps;                    ///< estimate poses where the truth has a gap
+  std::vector<PoseError> poses;           ///< the matched ones, in order of time; never empty
+  Pose T_map_estimate_frame;              ///< the alignment: identity without one
+  Eigen::Matrix3d R_estimate_truth_body;  ///< likewise of the body's axes: identity but for Alignment::axes
   Statistics position_3d_m, position_plane_m, lateral_m, longitudinal_m, height_m, heading_deg;
   std::vector<RelativeError> relative;  ///< one for each of the segment lengths
   std::vector<RelativePoseError> rpe;   ///< one for each of the steps
@@ -55,7 +59,8 @@ struct Evaluation {
   std::vector<std::string> warnings;  ///< likely mix-ups of frames, one sentence each
 
   [[nodiscard]] double matchShare() const;
-  [[nodiscard]] double coveredTruth_s() const;  ///< from the first matched pose to the last
+  [[nodiscard]] double coveredTruth_s() const;         ///< from the first matched pose to the last
+  [[nodiscard]] Eigen::Vector3d bodyTurn_deg() const;  ///< rotation vector of R_estimate_truth_body
 };
 
 /** The truth at `stamp_s`, position linear and attitude by slerp; nothing outside its span or in a gap.
@@ -66,7 +71,7 @@ struct Evaluation {
 /** Errors of the estimate at each of its stamps.
  * \throws InputError naming both files if less than half of the estimate has a truth; if there is too little to align; and
  * without alignment, if both say where their map lies and differ, or if they show it (frameMismatches()).
- * Source: Sturm et al., IROS 2012 (ATE); Umeyama, PAMI 1991. */
+ * Source: Sturm et al., IROS 2012 (ATE); Umeyama, PAMI 1991; Moakher, SIAM J. Matrix Anal. Appl. 2002 (mean rotation). */
 [[nodiscard]] Evaluation evaluate(TrajectoryFile truth, TrajectoryFile estimate, const EvalOptions& options);
 
 }  // namespace raceloc

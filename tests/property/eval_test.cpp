@@ -89,6 +89,26 @@ TEST(EvalProperty, AlignmentUndoesARigidMove) {
   });
 }
 
+TEST(EvalProperty, AlignedAxesUndoAConstantTurnOfTheBodyToo) {
+  forAll(50, [](Random& rnd) {
+    const auto truth = drive(rnd);
+    Pose mount = Pose::Identity();
+    mount.linear() = rnd.pose(1, 0).linear();
+    auto estimate = moved(truth, rnd.pose(M_PI, 1000));
+    for (auto& pose : estimate.trajectory.poses) pose.T_map_body = pose.T_map_body * mount;
+    EvalOptions options;
+    options.align = Alignment::se3;
+    const Evaluation moved_only = evaluate(truth, estimate, options);
+    options.align = Alignment::axes;
+    const Evaluation e = evaluate(truth, estimate, options);
+    constexpr double kTurn = 1e-6;  // as above
+    EXPECT_TRUE((mount.linear() * e.R_estimate_truth_body).isIdentity(kTurn));
+    EXPECT_NEAR(e.heading_deg.max, 0, kTurn / kDegree);
+    for (const RelativeError& r : e.relative) EXPECT_NEAR(r.translation_percent, 0, 100 * kTurn);
+    expectSame(moved_only.position_3d_m, e.position_3d_m, kRounding);
+  });
+}
+
 TEST(EvalProperty, AlignmentNeverMakesTheRmseLarger) {
   forAll(50, [](Random& rnd) {
     const auto truth = drive(rnd);

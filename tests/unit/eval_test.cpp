@@ -159,6 +159,31 @@ EvalOptions aligned() {
   return options;
 }
 
+TEST(Evaluation, AxesThatAreADegreeOffAreDriftUntilTheyAreAligned) {
+  const auto turned = [](double t_s) {
+    StampedPose pose = onCircle(t_s);
+    pose.T_map_body.rotate(Eigen::AngleAxisd(kDegree, Eigen::Vector3d::UnitZ()));
+    return pose;
+  };
+  const auto truth = sampled("truth.tum", 0, 10, 0.1, [](double t_s) { return onCircle(t_s); });
+  const auto estimate = sampled("estimate.tum", 0, 10, 0.1, turned);
+  // 21 steps of just under a metre, each 0.02 rad of the circle, are a piece of 20 m; its chord points a degree to the right
+  // of where it should, and is off by the base of a triangle with two sides of its length
+  const double piece_m = 21 * 100 * std::sin(0.01);
+  const double chord_m = 100 * std::sin(0.21);
+  EXPECT_NEAR(evaluate(truth, estimate, aligned()).relative[0].translation_percent,
+              100 * chord_m * 2 * std::sin(kDegree / 2) / piece_m, 1e-6);
+
+  EvalOptions options;
+  options.align = Alignment::axes;
+  const Evaluation e = evaluate(truth, estimate, options);
+  EXPECT_NEAR(e.relative[0].translation_percent, 0, 1e-6);
+  EXPECT_NEAR(e.bodyTurn_deg().z(), -1, 1e-6);
+  const auto json = nlohmann::json::parse(figuresJson(e, {}));
+  EXPECT_EQ(json["aligned"], "axes");
+  EXPECT_NEAR(json["body_axes_turned_deg"][2], -1, 1e-6);
+}
+
 TEST(Frames, AnOffsetOfKilometresIsNamedAndRefused) {
   const auto far = moved(straight("far.tum"), poseFromRpy({12000, -5000, 0}, 0, 0, 0));
   EXPECT_THAT(complaint([&] { (void)evaluate(straight("truth.tum"), far, {}); }),
