@@ -26,15 +26,20 @@ void CalibrationOptions::describe(OptionList& keys) {
            "... its error [deg per m/s^2]");
   keys.add("sideslip_walk_deg_per_mps2", sideslip_walk_deg_per_mps2, above(0),
            "and how it wanders [deg per m/s^2 in a second]");
+  keys.add("climb_sigma_deg", climb_sigma_deg, above(0),
+           "angle between the body's x axis and the road, in the mean of a second, at the start [deg]");
+  keys.add("climb_walk_deg", climb_walk_deg, above(0), "and how it wanders [deg in a second]");
 }
 
 MotionCalibration::MotionCalibration(const CalibrationOptions& o) {
   const double bias_rps = kDegree * o.gyro_bias_sigma_dps, bias_walk_rps = kDegree * o.gyro_bias_walk_dps;
   CalibrationVector sigma, walk;
   sigma << bias_rps, bias_rps, bias_rps, o.wheel_scale_sigma, o.traction_sigma_per_mps2,
-      kDegree * o.steering_offset_sigma_deg, kDegree * o.sideslip_sigma_deg_per_mps2;
+      kDegree * o.steering_offset_sigma_deg, kDegree * o.sideslip_sigma_deg_per_mps2,
+      kDegree * o.climb_sigma_deg;
   walk << bias_walk_rps, bias_walk_rps, bias_walk_rps, o.wheel_scale_walk, o.traction_walk_per_mps2,
-      kDegree * o.steering_offset_walk_deg, kDegree * o.sideslip_walk_deg_per_mps2;
+      kDegree * o.steering_offset_walk_deg, kDegree * o.sideslip_walk_deg_per_mps2,
+      kDegree * o.climb_walk_deg;
   x_mean(kTraction) = o.traction_per_mps2;
   x_mean(kSideslip) = kDegree * o.sideslip_deg_per_mps2;
   x_covariance = sigma.cwiseAbs2().asDiagonal();

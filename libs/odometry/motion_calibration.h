@@ -21,6 +21,8 @@ struct CalibrationOptions {
   double sideslip_deg_per_mps2 = 0.1;
   double sideslip_sigma_deg_per_mps2 = 0.15;
   double sideslip_walk_deg_per_mps2 = 0.01;
+  double climb_sigma_deg = 0.3;
+  double climb_walk_deg = 0.1;
   void describe(OptionList& keys);
 };
 

@@ -38,11 +38,16 @@ void MotionOptions::describe(OptionList& keys) {
   keys.add("speed_sigma_mps", speed_sigma_mps, above(0), "error of the wheel speed, white at 100 Hz [m/s]");
   keys.add("crosswise_sigma_mps", crosswise_sigma_mps, above(0),
            "error of the velocity across the car and out of the road, white at 100 Hz [m/s]");
+  keys.add("out_of_road_sigma_mps", out_of_road_sigma_mps, above(0),
+           "likewise, as the accelerometer is held to the road: more follows slower swings of the body, and "
+           "more of its "
+           "own error [m/s]");
   keys.add("unknown_tilt_rate_dps", unknown_tilt_rate_dps, above(0),
            "roll and pitch rates without a gyro, white at 100 Hz [deg/s]");
   keys.add("drag_per_m", drag_per_m, atLeast(0), "deceleration by drag over the speed squared [1/m]");
   keys.add("downforce_per_m", downforce_per_m, atLeast(0),
            "downforce on the rear axle per mass that it carries, over the speed squared [1/m]");
+  keys.add("load_lag_s", load_lag_s, above(0), "slip follows the load of the tyres with this lag [s]");
 }
 
 MotionHistory::MotionHistory(const MotionOptions& options, const CalibrationOptions& calibration)
@@ -52,7 +57,11 @@ MotionHistory::MotionHistory(const MotionOptions& options, const CalibrationOpti
       x_force_mps2(options.memory_s, options.max_gap_s),
       x_speed(options.memory_s, options.max_gap_s),
       x_vehicle_yaw_rate_rps(options.memory_s, options.max_gap_s),
-      x_steering_rad(options.memory_s, options.max_gap_s) {}
+      x_steering_rad(options.memory_s, options.max_gap_s),
+      x_weight_mps2(options.memory_s, options.max_gap_s),
+      x_vertical({options.speed_sigma_mps, options.crosswise_sigma_mps, options.out_of_road_sigma_mps},
+                 options.max_gap_s),
+      x_vertical_mps(options.memory_s, options.max_gap_s) {}
 
 void MotionHistory::add(const MotionSample& sample) {
   if (!std::isfinite(sample.speed_mps) || !std::isfinite(sample.yaw_rate_rps)) return;
@@ -101,10 +110,30 @@ void MotionHistory::add(const ImuSample& sample) {
   if (x_gyro_frozen) {  // what it said since then was no measurement either
     x_gyro_rps.dropSince(*x_same_gyro_since_s);
     x_force_mps2.dropSince(*x_same_gyro_since_s);
+    x_weight_mps2.dropSince(*x_same_gyro_since_s);
+    x_vertical_mps.dropSince(*x_same_gyro_since_s);
+    x_vertical.forget();
     return;
   }
   x_gyro_rps.add(sample.stamp_s, sample.gyro_body_rps);
   x_force_mps2.add(sample.stamp_s, sample.specific_force_body_mps2);
+  addSprings(sample);
+}
+
+void MotionHistory::addSprings(const ImuSample& sample) {
+  const double weight_mps2 = sample.specific_force_body_mps2.z();
+  const auto before = x_weight_mps2.samples();
+  const bool goes_on = !before.empty() && sample.stamp_s - before.back().stamp_s <= x_options.max_gap_s;
+  const double lag = goes_on ? std::exp(-(sample.stamp_s - before.back().stamp_s) / x_options.load_lag_s) : 0;
+  x_weight_mps2.add(sample.stamp_s,
+                    goes_on ? weight_mps2 + lag * (before.back().value - weight_mps2) : weight_mps2);
+  std::optional<Eigen::Vector2d> on_road_mps;
+  if (const auto rates = ratesAt(sample.stamp_s)) on_road_mps = rates->twist.segment<2>(3);
+  // With the gyro as it is: what its bias does at a speed goes into the filter's force at rest, and no estimate of the
+  // bias, which learns from what is predicted here, can swing with it.
+  x_vertical_mps.add(sample.stamp_s,
+                     x_vertical.add({sample.stamp_s, sample.gyro_body_rps, sample.specific_force_body_mps2},
+                                    x_p_body_imu_m, on_road_mps));
 }
 
 bool MotionHistory::hasWheels(double stamp_s) const {
@@ -207,7 +236,7 @@ MotionHistory::TyreForces MotionHistory::tyreForces(double stamp_s, double speed
   constexpr double kGravity_mps2 = 9.81;
   const auto force = x_force_mps2.at(stamp_s);
   const double squared = speed_mps * speed_mps;
-  const double weight_mps2 = force ? std::max(0.5 * kGravity_mps2, force->z()) : kGravity_mps2;
+  const double weight_mps2 = std::max(0.5 * kGravity_mps2, x_weight_mps2.at(stamp_s).value_or(kGravity_mps2));
   const double load = (weight_mps2 + x_options.downforce_per_m * squared) / kGravity_mps2;
   const double pull_mps2 = (force ? force->x() : 0) + x_options.drag_per_m * squared;
   constexpr double kBrakesOnDrivenAxle = 0.5;  // the engine's pull is all on it
@@ -235,7 +264,8 @@ std::optional<BodyRates> MotionHistory::ratesAt(double stamp_s) const {
     rates.J_calibration(0, kGyroBiasX) = rates.J_calibration(1, kGyroBiasY) = -1;
   }
   const double slip_rad = -c(kSideslip) * tyres.across_mps2;
-  rates.twist.tail<3>() << forward_mps, slip_rad * forward_mps, 0;
+  rates.twist.tail<3>() << forward_mps, slip_rad * forward_mps,
+      c(kClimb) * forward_mps + x_vertical_mps.at(stamp_s).value_or(0);
   rates.twist(2) = yaw.rate_rps;
   rates.J_calibration.row(2) = yaw.J;
   const Eigen::Vector2d along(1, slip_rad);
@@ -243,6 +273,7 @@ std::optional<BodyRates> MotionHistory::ratesAt(double stamp_s) const {
     rates.J_calibration.block<2, 1>(3, kWheelScale) = speed->x() * along;
     rates.J_calibration.block<2, 1>(3, kTraction) = -tyres.along_mps2 * speed->x() * along;
   }
+  rates.J_calibration(5, kClimb) = forward_mps;
   rates.J_calibration(4, kSideslip) = -tyres.across_mps2 * forward_mps;
   // White noise of samples at 100 Hz; a gyro that is read less often misses how the body shakes in between.
   constexpr double kMissesAll_s = 0.1;

@@ -15,6 +15,7 @@
 #include "odometry/motion_calibration.h"
 #include "odometry/preintegration.h"
 #include "odometry/speed_check.h"
+#include "odometry/vertical_velocity.h"
 
 namespace raceloc {
 
@@ -32,9 +33,11 @@ struct MotionOptions {
   double understeer_deg_per_mps2 = 0.2;
   double speed_sigma_mps = 0.5;
   double crosswise_sigma_mps = 0.8;
+  double out_of_road_sigma_mps = 3.0;
   double unknown_tilt_rate_dps = 15;
   double drag_per_m = 6e-4;
   double downforce_per_m = 1.4e-3;
+  double load_lag_s = 1.0;
   void describe(OptionList& keys);
 };
 
@@ -45,8 +48,10 @@ struct MotionOptions {
  * acceleration; each may be absent, and any one of them carries the yaw rate alone; one that contradicts the gyro is
  * left out, as is the gyro when both of the others contradict it, unless all they say is one message that repeats.
  * Translation: wheel speed, less the slip that traction needs, along the rear axle's course, which lies off the
- * heading by side-slip; both are in proportion to the force that the tyres bear over their load. Never from
- * acceleration. While the wheels are silent, the speed of the newest observe() goes on.
+ * heading by side-slip; both are in proportion to the force that the tyres bear over their load, with a lag: the car does
+ * not slide to and fro as its springs swing. Never from acceleration, but for how the body moves along its own z axis, as
+ * it pitches and heaves (VerticalVelocity), and that in the mean of a second it is off the road by an angle that scan
+ * matches teach. While the wheels are silent, the speed of the newest observe() goes on.
  * A gyro that repeats itself while the car moves, whole or on an axis that turns fast (saturated), and a wheel speed
  * that neither force nor scan matches can explain, are dropped and named. Source: reading.md section 5. */
 class MotionHistory {
@@ -124,6 +129,8 @@ class MotionHistory {
   /** Calls `take(rates, step_s)` for the cells of an interval. \return whether all of it is covered */
   template <class Take>
   bool forCells(double from_s, double to_s, const Take& take) const;
+  /** What follows from the accelerometer alone: load and swings of the body. */
+  void addSprings(const ImuSample& sample);
   [[nodiscard]] std::optional<double> meanForce(double from_s, double to_s) const;
 
   MotionOptions x_options;
@@ -133,6 +140,9 @@ class MotionHistory {
   TimeSeries<Eigen::Vector2d>
       x_speed;  ///< measured or, where it was refused or silent, likely [m/s]; its variance
   TimeSeries<double> x_vehicle_yaw_rate_rps, x_steering_rad;
+  TimeSeries<double> x_weight_mps2;  ///< force out of the road, with the lag of the load
+  VerticalVelocity x_vertical;
+  TimeSeries<double> x_vertical_mps;
   std::optional<double> x_last_imu_s, x_last_wheels_s, x_same_gyro_since_s;
   Eigen::Vector3d x_last_gyro_rps = Eigen::Vector3d::Zero(), x_p_body_imu_m = Eigen::Vector3d::Zero();
   int x_same_gyro = 0;

@@ -16,6 +16,7 @@ enum Calibration {
   kTraction,        ///< slip of the driven wheels per force along the car [1 per m/s^2, at the load of 1 g]
   kSteeringOffset,  ///< of the road wheels [rad]: true = measured - offset
   kSideslip,  ///< angle from course to heading at the rear axle per lateral force [rad per m/s^2, at 1 g]
+  kClimb,     ///< angle from the body's x axis up to its course, in the mean of a second [rad]
   kCalibrations
 };
 using CalibrationVector = Eigen::Matrix<double, kCalibrations, 1>;
