@@ -19,6 +19,10 @@ bool isStuck(const Eigen::Vector3d& now_rps, const Eigen::Vector3d& before_rps) 
   return same.all() || (same && now_rps.array().abs() > kSaturable_rps).any();
 }
 
+/** No body on springs moves out of the road so fast: an accelerometer that says so is wrong, and not believed of that for
+ * so long. */
+constexpr double kFlying_mps = 1.5, kFlight_s = 30;
+
 /** What an observed speed misses when it goes on. */
 constexpr double kHardestBraking_mps2 = 30;
 
@@ -59,8 +63,7 @@ MotionHistory::MotionHistory(const MotionOptions& options, const CalibrationOpti
       x_vehicle_yaw_rate_rps(options.memory_s, options.max_gap_s),
       x_steering_rad(options.memory_s, options.max_gap_s),
       x_weight_mps2(options.memory_s, options.max_gap_s),
-      x_vertical({options.speed_sigma_mps, options.crosswise_sigma_mps, options.out_of_road_sigma_mps},
-                 options.max_gap_s),
+      x_vertical(options.crosswise_sigma_mps, options.out_of_road_sigma_mps, options.max_gap_s),
       x_vertical_mps(options.memory_s, options.max_gap_s) {}
 
 void MotionHistory::add(const MotionSample& sample) {
@@ -127,13 +130,22 @@ void MotionHistory::addSprings(const ImuSample& sample) {
   const double lag = goes_on ? std::exp(-(sample.stamp_s - before.back().stamp_s) / x_options.load_lag_s) : 0;
   x_weight_mps2.add(sample.stamp_s,
                     goes_on ? weight_mps2 + lag * (before.back().value - weight_mps2) : weight_mps2);
-  std::optional<Eigen::Vector2d> on_road_mps;
-  if (const auto rates = ratesAt(sample.stamp_s)) on_road_mps = rates->twist.segment<2>(3);
+  std::optional<VerticalVelocity::OnRoad> on_road;
+  if (const auto rates = ratesAt(sample.stamp_s))
+    on_road = {rates->twist(3), rates->twist(4), std::sqrt(rates->noise_density(3) / kSample_s)};
   // With the gyro as it is: what its bias does at a speed goes into the filter's force at rest, and no estimate of the
   // bias, which learns from what is predicted here, can swing with it.
-  x_vertical_mps.add(sample.stamp_s,
-                     x_vertical.add({sample.stamp_s, sample.gyro_body_rps, sample.specific_force_body_mps2},
-                                    x_p_body_imu_m, on_road_mps));
+  const double vertical_mps = x_vertical.add(
+      {sample.stamp_s, sample.gyro_body_rps, sample.specific_force_body_mps2}, x_p_body_imu_m, on_road);
+  if (std::abs(vertical_mps) > kFlying_mps) {
+    x_last_flight_s = sample.stamp_s;
+    x_vertical.forget();
+  }
+  x_vertical_mps.add(sample.stamp_s, fliesAt(sample.stamp_s) ? 0 : vertical_mps);
+}
+
+bool MotionHistory::fliesAt(double stamp_s) const {
+  return x_last_flight_s && stamp_s - *x_last_flight_s < kFlight_s;
 }
 
 bool MotionHistory::hasWheels(double stamp_s) const {
@@ -143,6 +155,8 @@ bool MotionHistory::hasWheels(double stamp_s) const {
 std::vector<std::string> MotionHistory::faults() const {
   std::vector<std::string> faults;
   if (x_gyro_frozen) faults.push_back(x_imu_label + ": gyro frozen or saturated");
+  if (x_last_imu_s && fliesAt(*x_last_imu_s))
+    faults.push_back(x_imu_label + ": accelerometer contradicts the road");
   if (x_wheels_refused) faults.push_back(x_vehicle_label + ": wheel speed contradicts the car's motion");
   if (x_last_imu_s && x_last_wheels_s) {
     if (*x_last_wheels_s - *x_last_imu_s > x_options.max_gap_s) faults.push_back(x_imu_label + ": silent");

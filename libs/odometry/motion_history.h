@@ -53,7 +53,8 @@ struct MotionOptions {
  * it pitches and heaves (VerticalVelocity), and that in the mean of a second it is off the road by an angle that scan
  * matches teach. While the wheels are silent, the speed of the newest observe() goes on.
  * A gyro that repeats itself while the car moves, whole or on an axis that turns fast (saturated), and a wheel speed
- * that neither force nor scan matches can explain, are dropped and named. Source: reading.md section 5. */
+ * that neither force nor scan matches can explain, are dropped and named; so is, of the swings, an accelerometer that
+ * sees the car fly. Source: reading.md section 5. */
 class MotionHistory {
  public:
   explicit MotionHistory(const MotionOptions& options, const CalibrationOptions& calibration = {});
@@ -131,6 +132,8 @@ class MotionHistory {
   bool forCells(double from_s, double to_s, const Take& take) const;
   /** What follows from the accelerometer alone: load and swings of the body. */
   void addSprings(const ImuSample& sample);
+  /** Whether the accelerometer said, not long before, that the body leaves the road. */
+  [[nodiscard]] bool fliesAt(double stamp_s) const;
   [[nodiscard]] std::optional<double> meanForce(double from_s, double to_s) const;
 
   MotionOptions x_options;
@@ -143,7 +146,7 @@ class MotionHistory {
   TimeSeries<double> x_weight_mps2;  ///< force out of the road, with the lag of the load
   VerticalVelocity x_vertical;
   TimeSeries<double> x_vertical_mps;
-  std::optional<double> x_last_imu_s, x_last_wheels_s, x_same_gyro_since_s;
+  std::optional<double> x_last_imu_s, x_last_wheels_s, x_same_gyro_since_s, x_last_flight_s;
   Eigen::Vector3d x_last_gyro_rps = Eigen::Vector3d::Zero(), x_p_body_imu_m = Eigen::Vector3d::Zero();
   int x_same_gyro = 0;
   std::optional<MotionSample> x_last_vehicle;

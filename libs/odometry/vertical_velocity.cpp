@@ -38,19 +38,19 @@ void VerticalVelocity::predict(const Sample& to) {
 }
 
 double VerticalVelocity::add(const Sample& sample, const Eigen::Vector3d& p_body_imu_m,
-                             const std::optional<Eigen::Vector2d>& on_road_mps) {
+                             const std::optional<OnRoad>& on_road) {
+  constexpr double kUnknown_mps = 1000;  // at 100 Hz: any speed of a car
+  const OnRoad road = on_road.value_or(OnRoad{0, 0, kUnknown_mps});
   const Eigen::Vector3d lever_mps = sample.gyro_rps.cross(p_body_imu_m);
-  Eigen::Vector3d road_mps = lever_mps;
-  if (on_road_mps) road_mps.head<2>() += *on_road_mps;
+  const Eigen::Vector3d road_mps = lever_mps + Eigen::Vector3d(road.ahead_mps, road.across_mps, 0);
   if (!x_last || sample.stamp_s - x_last->stamp_s > x_max_gap_s) {
     start(road_mps);
     x_last = sample;
     return 0;
   }
   predict(sample);
-  constexpr double kUnknown_mps = 100;  // any speed of a car
-  Eigen::Vector3d sigma_mps(x_sigmas.ahead_mps, x_sigmas.across_mps, x_sigmas.out_of_road_mps);
-  if (!on_road_mps) sigma_mps.head<2>().setConstant(kUnknown_mps);
+  const Eigen::Vector3d sigma_mps(road.ahead_sigma_mps, on_road ? x_across_sigma_mps : kUnknown_mps,
+                                  x_out_of_road_sigma_mps);
   const Eigen::Vector3d variance = sigma_mps.cwiseAbs2() * (kSample_s / (sample.stamp_s - x_last->stamp_s));
   const Eigen::Matrix3d S = x_covariance.topLeftCorner<3, 3>() + Eigen::Matrix3d(variance.asDiagonal());
   const Eigen::Matrix<double, 6, 3> K = S.ldlt().solve(x_covariance.topRows<3>()).transpose();

@@ -17,22 +17,25 @@ namespace raceloc {
  * Dissanayake et al., IEEE TRA 17 (2001). */
 class VerticalVelocity {
  public:
-  /** White errors at 100 Hz. */
-  struct Sigmas {
-    double ahead_mps, across_mps, out_of_road_mps;
-  };
-  VerticalVelocity(const Sigmas& sigmas, double max_gap_s) : x_sigmas(sigmas), x_max_gap_s(max_gap_s) {}
+  /** \param across_sigma_mps, out_of_road_sigma_mps  how loosely it is held, as white errors at 100 Hz */
+  VerticalVelocity(double across_sigma_mps, double out_of_road_sigma_mps, double max_gap_s)
+      : x_across_sigma_mps(across_sigma_mps),
+        x_out_of_road_sigma_mps(out_of_road_sigma_mps),
+        x_max_gap_s(max_gap_s) {}
 
   struct Sample {
     double stamp_s;
     Eigen::Vector3d gyro_rps, force_mps2;
   };
+  /** Velocity of the body's origin. */
+  struct OnRoad {
+    double ahead_mps, across_mps;  ///< across: to the left
+    double ahead_sigma_mps;        ///< white at 100 Hz
+  };
   /** Samples come in order of time; after a gap all starts again.
    * \param p_body_imu_m  the same in all samples
-   * \param on_road_mps   velocity of the body's origin ahead and to the left; none if unknown
-   * \return that along its z axis, at the sample [m/s] */
-  double add(const Sample& sample, const Eigen::Vector3d& p_body_imu_m,
-             const std::optional<Eigen::Vector2d>& on_road_mps);
+   * \return velocity of the body's origin along its z axis, at the sample [m/s] */
+  double add(const Sample& sample, const Eigen::Vector3d& p_body_imu_m, const std::optional<OnRoad>& on_road);
 
   void forget() { x_last.reset(); }
 
@@ -40,8 +43,7 @@ class VerticalVelocity {
   void start(const Eigen::Vector3d& velocity_mps);
   void predict(const Sample& to);
 
-  Sigmas x_sigmas;
-  double x_max_gap_s;
+  double x_across_sigma_mps, x_out_of_road_sigma_mps, x_max_gap_s;
   std::optional<Sample> x_last;
   Vector6d x_mean;  ///< v, s
   Matrix6d x_covariance;

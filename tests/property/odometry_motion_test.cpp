@@ -304,7 +304,7 @@ TEST(MotionHistory, ABankIsNoVelocityOutOfTheRoad) {
     const double speed_mps = rnd.uniform(20, 80), bank_rad = rnd.uniform(0, 20) * kDegree,
                  yaw_rate_rps = rnd.uniform(5, 20) / speed_mps;
     // About the vertical, seen from a body that leans into the turn, by an accelerometer and a gyro with a bias.
-    const Eigen::Vector3d up(0, std::sin(bank_rad), std::cos(bank_rad));
+    const Eigen::Vector3d up(0, -std::sin(bank_rad), std::cos(bank_rad));
     const Eigen::Vector3d gyro_rps = yaw_rate_rps * up;
     const Eigen::Vector3d force_mps2 = kGravity_mps2 * up + gyro_rps.cross(Eigen::Vector3d(speed_mps, 0, 0));
     const Eigen::Vector3d gyro_bias_rps = rnd.vectorWithin(0.1 * kDegree), bias_mps2 = rnd.vectorWithin(0.1);
@@ -321,6 +321,28 @@ TEST(MotionHistory, ABankIsNoVelocityOutOfTheRoad) {
     // What the biases push in the second after which it is held to the road.
     EXPECT_NEAR(history.ratesAt(9.9)->twist(5), 0, 0.1 + 0.1 * kDegree * speed_mps);
   });
+}
+
+TEST(MotionHistory, AnAccelerometerThatEndsBeforeTheBankDoesIsNamedAndMovesNothing) {
+  const double speed_mps = 70, yaw_rate_rps = 0.25, bank_rad = 20 * kDegree;
+  const Eigen::Vector3d up(0, -std::sin(bank_rad), std::cos(bank_rad));
+  MotionHistory history(plainMotion(), plainCalibration());
+  Random rnd(1);
+  for (int i = 0; i <= 800; ++i) {
+    const double t = 0.01 * i;
+    const Eigen::Vector3d gyro_rps = t < 4 ? Eigen::Vector3d::Zero() : Eigen::Vector3d(yaw_rate_rps * up);
+    Eigen::Vector3d force_mps2 = kGravity_mps2 * up + gyro_rps.cross(Eigen::Vector3d(speed_mps, 0, 0));
+    force_mps2 = force_mps2.cwiseMin(12);  // it would be 15 along z
+    history.add(ImuSample{
+        t, "imu", gyro_rps + rnd.vectorWithin(1e-3), force_mps2 + rnd.vectorWithin(0.1), {0, 0, 0}});
+    history.add(MotionSample{t, "vehicle", speed_mps, gyro_rps.z(), std::nullopt});
+    if (i == 390) {
+      EXPECT_THAT(history.faults(), IsEmpty());
+    }
+    EXPECT_LT(std::abs(history.ratesAt(t)->twist(5)), 1.5) << t;
+  }
+  EXPECT_THAT(history.faults(), ElementsAre("imu: accelerometer contradicts the road"));
+  EXPECT_EQ(history.ratesAt(7.9)->twist(5), 0);
 }
 
 TEST(MotionHistory, SlipDoesNotSwingWithTheSprings) {
