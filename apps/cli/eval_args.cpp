@@ -126,8 +126,10 @@ std::optional<TrajectoryArgs> parseTrajectoryArgs(int argc, char** argv) {
   requireApart(
       {args.truth_path, args.estimate_path, args.integrity_path, args.decisions_path, args.latency_path},
       {args.report_path, args.picture_path, args.csv_path, args.json_path});
-  args.options.align = choiceOf<Alignment>(
-      align, {{"none", Alignment::none}, {"se3", Alignment::se3}, {"axes", Alignment::axes}});
+  std::vector<std::pair<std::string, Alignment>> alignments;
+  for (const Alignment choice : {Alignment::none, Alignment::se3, Alignment::axes})
+    alignments.emplace_back(nameOf(choice), choice);
+  args.options.align = choiceOf<Alignment>(align, alignments);
   args.options.max_gap_s = positive(max_gap.getValue(), "--max-gap", "seconds");
   args.options.rpe_steps.clear();
   for (const std::string& field : fieldsOf(rpe.getValue())) args.options.rpe_steps.push_back(stepOf(field));

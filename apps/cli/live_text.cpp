@@ -68,7 +68,7 @@ void print(const OdometryReport& r) {
   learnt("traction slip", kTraction, 0.01, "% per m/s^2");
   learnt("steering offset", kSteeringOffset, kDegree, "deg");
   learnt("side-slip", kSideslip, kDegree, "deg per m/s^2");
-  learnt("climb", kClimb, kDegree, "deg");
+  learnt("rise", kRise, kDegree, "deg");
   if (r.level)
     std::printf("level            roll %.2f, pitch %.2f +- %.2f deg at the end, by the accelerometer\n",
                 r.level->roll_rad() / kDegree, r.level->pitch_rad() / kDegree, r.level->sigma_rad / kDegree);

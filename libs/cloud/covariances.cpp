@@ -54,7 +54,8 @@ void CovarianceOptions::describe(OptionList& keys) {
   keys.add("polynomial_degree", polynomial_degree, between(1, 16), "polynomial: degree");
   keys.add("hist_s_m", hist_s_m, above(0), "hist: max(0, 1 - (|dx|+|dy|+|dz|) / (3 s)) [m]");
   keys.add("plane_epsilon", plane_epsilon, between(1e-6, 1),
-           "variance across a surface, relative to along it");
+           "variance across a surface, relative to along it: of 1 m along it, the 2 cm that a LiDAR errs "
+           "across it");
   keys.add("min_neighbours", min_neighbours, atLeast(4), "with fewer, the covariance is isotropic");
 }
 

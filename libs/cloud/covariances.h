@@ -34,7 +34,7 @@ struct CovarianceOptions {
   double polynomial_c = 1.0;
   int polynomial_degree = 2;
   double hist_s_m = 1.0;
-  double plane_epsilon = 1e-3;
+  double plane_epsilon = 4e-4;
   int min_neighbours = 5;
   void describe(OptionList& keys);
   [[nodiscard]] gpu::CovarianceOptions forKernels() const;

@@ -63,6 +63,7 @@ struct BodyMotion {
 [[nodiscard]] Eigen::Matrix3d skew(const Eigen::Vector3d& v);  ///< skew(v) w = v x w
 
 constexpr double kDegree = M_PI / 180;             ///< one degree [rad]
+constexpr double kGravity_mps2 = 9.80665;          ///< standard gravity
 [[nodiscard]] double wrapAngle(double angle_rad);  ///< into [-pi, pi)
 [[nodiscard]] double yawOf(const Pose& pose);      ///< [rad], 0 = east, counter-clockwise
 [[nodiscard]] Pose poseFromRpy(const Eigen::Vector3d& p_m, double roll_rad, double pitch_rad,

@@ -1,6 +1,4 @@
 #include <nlohmann/json.hpp>
-#include <stdexcept>
-#include <string>
 
 #include "eval/report.h"
 #include "eval/report_tables.h"
@@ -10,18 +8,6 @@ namespace raceloc {
 namespace {
 
 using nlohmann::ordered_json;
-
-std::string nameOf(Alignment alignment) {
-  switch (alignment) {
-    case Alignment::none:
-      return "none";
-    case Alignment::se3:
-      return "se3";
-    case Alignment::axes:
-      return "axes";
-  }
-  throw std::logic_error("alignment without a name");
-}
 
 ordered_json figures(const Statistics& s) {
   return {{"rmse", s.rmse}, {"mean", s.mean}, {"median", s.median}, {"std", s.std}, {"max", s.max}};

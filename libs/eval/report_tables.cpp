@@ -44,8 +44,8 @@ std::string alignedText(const Evaluation& e) {
              t_m.z(), Eigen::AngleAxisd(e.T_map_estimate_frame.linear()).angle() / kDegree);
   if (e.options.align == Alignment::axes) {
     const Eigen::Vector3d turn_deg = e.bodyTurn_deg();
-    text += format("; its body axes by %.3f deg about x, %.3f about y, %.3f about z", turn_deg.x(),
-                   turn_deg.y(), turn_deg.z());
+    text += format("; its body axes by the rotation vector %.3f %.3f %.3f deg", turn_deg.x(), turn_deg.y(),
+                   turn_deg.z());
   }
   return text;
 }

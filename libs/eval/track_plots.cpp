@@ -12,7 +12,6 @@ namespace raceloc {
 
 namespace {
 
-constexpr double kGravity_mps2 = 9.80665;
 constexpr std::size_t kFewestBins = 50;  // of a lap, when there are many
 constexpr std::size_t kNamedLaps = 6;    // more do not fit into a key
 

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <filesystem>
+#include <stdexcept>
 #include <system_error>
 #include <utility>
 
@@ -36,7 +37,7 @@ void requireOneMap(const TrajectoryFile& truth, const TrajectoryFile& estimate) 
       std::abs(a->height_m - b->height_m) > kSame_m)
     throw InputError("truth " + truth.path + " and estimate " + estimate.path +
                      " have different map origins: " + originText(*a) + " against " + originText(*b) +
-                     "; make both with one origin, or move the estimate with --align se3");
+                     "; make both with one origin, or move the estimate with --align se3 or axes");
 }
 
 /** Matched poses with stamp, truth and estimate; the errors come later, after the alignment. */
@@ -85,10 +86,10 @@ void align(Evaluation& e) {
 }
 
 void turnAxes(Evaluation& e) {
-  Eigen::Affine3d sum(Eigen::Matrix4d::Zero());
+  Eigen::Matrix3d sum = Eigen::Matrix3d::Zero();
   for (const PoseError& pose : e.poses)
-    sum.linear() += pose.T_map_estimate.linear().transpose() * pose.T_map_truth.linear();
-  e.R_estimate_truth_body = sum.rotation();  // the rotation that is nearest to all of them
+    sum += pose.T_map_estimate.linear().transpose() * pose.T_map_truth.linear();
+  e.R_estimate_truth_body = Eigen::Affine3d(sum).rotation();  // the rotation that is nearest to all of them
   for (PoseError& pose : e.poses) pose.T_map_estimate.rotate(e.R_estimate_truth_body);
 }
 
@@ -99,7 +100,7 @@ void checkFrames(Evaluation& e) {
     std::string all;
     for (const std::string& mismatch : mismatches) all += (all.empty() ? "" : "; ") + mismatch;
     throw InputError("estimate " + e.estimate.path + " against truth " + e.truth.path + ": " + all +
-                     "; convert one of them, or move the estimate with --align se3");
+                     "; convert one of them, or move the estimate with --align se3 or axes");
   }
   e.warnings = std::move(mismatches);
   if (auto sideways = sidewaysTruth(e.poses)) e.warnings.push_back(*std::move(sideways));
@@ -140,6 +141,18 @@ Statistics statisticsOver(const std::vector<PoseError>& poses, Value value) {
 }
 
 }  // namespace
+
+const char* nameOf(Alignment alignment) {
+  switch (alignment) {
+    case Alignment::none:
+      return "none";
+    case Alignment::se3:
+      return "se3";
+    case Alignment::axes:
+      return "axes";
+  }
+  throw std::logic_error("alignment without a name");
+}
 
 TrajectoryFile readTrajectoryFile(const std::string& path) {
   Trajectory trajectory = readTum(path);

@@ -33,6 +33,9 @@ enum class Alignment {
          ///< straight way the turn about it is arbitrary
 };
 
+/** As options and files spell it. */
+[[nodiscard]] const char* nameOf(Alignment alignment);
+
 struct EvalOptions {
   double max_gap_s = 0.5;  ///< truth poses further apart are not interpolated between, > 0
   Alignment align = Alignment::none;
@@ -71,7 +74,8 @@ struct Evaluation {
 /** Errors of the estimate at each of its stamps.
  * \throws InputError naming both files if less than half of the estimate has a truth; if there is too little to align; and
  * without alignment, if both say where their map lies and differ, or if they show it (frameMismatches()).
- * Source: Sturm et al., IROS 2012 (ATE); Umeyama, PAMI 1991; Moakher, SIAM J. Matrix Anal. Appl. 2002 (mean rotation). */
+ * Source: Sturm et al., IROS 2012 (ATE); Umeyama, PAMI 1991; Moakher, SIAM J. Matrix Anal.
+ * Appl. 2002 (projected arithmetic mean of rotations). */
 [[nodiscard]] Evaluation evaluate(TrajectoryFile truth, TrajectoryFile estimate, const EvalOptions& options);
 
 }  // namespace raceloc

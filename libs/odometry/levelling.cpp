@@ -7,7 +7,6 @@ namespace raceloc {
 
 namespace {
 
-constexpr double kGravity_mps2 = 9.80665;
 constexpr double kUnknown_mps = 100;      // any speed of a car
 constexpr double kBiasWalk_share = 0.01;  // of its first sigma, in a second
 

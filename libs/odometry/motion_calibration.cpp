@@ -1,5 +1,7 @@
 #include "odometry/motion_calibration.h"
 
+#include <cmath>
+
 namespace raceloc {
 
 void CalibrationOptions::describe(OptionList& keys) {
@@ -26,9 +28,9 @@ void CalibrationOptions::describe(OptionList& keys) {
            "... its error [deg per m/s^2]");
   keys.add("sideslip_walk_deg_per_mps2", sideslip_walk_deg_per_mps2, above(0),
            "and how it wanders [deg per m/s^2 in a second]");
-  keys.add("climb_sigma_deg", climb_sigma_deg, above(0),
-           "angle between the body's x axis and the road, in the mean of a second, at the start [deg]");
-  keys.add("climb_walk_deg", climb_walk_deg, above(0), "and how it wanders [deg in a second]");
+  keys.add("rise_sigma_deg", rise_sigma_deg, above(0),
+           "slow angle from the body's x axis up to its course, as it may be at any time [deg]");
+  keys.add("rise_walk_deg", rise_walk_deg, above(0), "and how it wanders [deg in a second]");
 }
 
 MotionCalibration::MotionCalibration(const CalibrationOptions& o) {
@@ -36,18 +38,22 @@ MotionCalibration::MotionCalibration(const CalibrationOptions& o) {
   CalibrationVector sigma, walk;
   sigma << bias_rps, bias_rps, bias_rps, o.wheel_scale_sigma, o.traction_sigma_per_mps2,
       kDegree * o.steering_offset_sigma_deg, kDegree * o.sideslip_sigma_deg_per_mps2,
-      kDegree * o.climb_sigma_deg;
+      kDegree * o.rise_sigma_deg;
   walk << bias_walk_rps, bias_walk_rps, bias_walk_rps, o.wheel_scale_walk, o.traction_walk_per_mps2,
-      kDegree * o.steering_offset_walk_deg, kDegree * o.sideslip_walk_deg_per_mps2,
-      kDegree * o.climb_walk_deg;
+      kDegree * o.steering_offset_walk_deg, kDegree * o.sideslip_walk_deg_per_mps2, kDegree * o.rise_walk_deg;
   x_mean(kTraction) = o.traction_per_mps2;
   x_mean(kSideslip) = kDegree * o.sideslip_deg_per_mps2;
   x_covariance = sigma.cwiseAbs2().asDiagonal();
   x_walk_density = walk.cwiseAbs2();
+  x_rise_forgotten_per_s = std::pow(o.rise_walk_deg / o.rise_sigma_deg, 2) / 2;
 }
 
 bool MotionCalibration::observe(const Preintegration& motion, const Pose& T_start_end,
                                 const Matrix6d& covariance) {
+  const double rise_kept = std::exp(-x_rise_forgotten_per_s * motion.duration_s);
+  x_mean(kRise) *= rise_kept;
+  x_covariance.row(kRise) *= rise_kept;
+  x_covariance.col(kRise) *= rise_kept;
   x_covariance.diagonal() += motion.duration_s * x_walk_density;
   const Vector6d r = se3Log(motion.T_start_end.inverse() * T_start_end);
   const CalibrationJacobian& H = motion.J_calibration;

@@ -21,8 +21,8 @@ struct CalibrationOptions {
   double sideslip_deg_per_mps2 = 0.1;
   double sideslip_sigma_deg_per_mps2 = 0.15;
   double sideslip_walk_deg_per_mps2 = 0.01;
-  double climb_sigma_deg = 0.3;
-  double climb_walk_deg = 0.1;
+  double rise_sigma_deg = 0.3;
+  double rise_walk_deg = 0.1;
   void describe(OptionList& keys);
 };
 
@@ -44,6 +44,7 @@ class MotionCalibration {
   CalibrationVector x_mean = CalibrationVector::Zero();
   CalibrationMatrix x_covariance = CalibrationMatrix::Zero();
   CalibrationVector x_walk_density;  ///< of the random walks, per second
+  double x_rise_forgotten_per_s;     ///< so that its sigma, unobserved, stays that of the start
 };
 
 }  // namespace raceloc

@@ -19,10 +19,6 @@ bool isStuck(const Eigen::Vector3d& now_rps, const Eigen::Vector3d& before_rps) 
   return same.all() || (same && now_rps.array().abs() > kSaturable_rps).any();
 }
 
-/** No body on springs moves out of the road so fast: an accelerometer that says so is wrong, and not believed of that for
- * so long. */
-constexpr double kFlying_mps = 1.5, kFlight_s = 30;
-
 /** What an observed speed misses when it goes on. */
 constexpr double kHardestBraking_mps2 = 30;
 
@@ -43,15 +39,17 @@ void MotionOptions::describe(OptionList& keys) {
   keys.add("crosswise_sigma_mps", crosswise_sigma_mps, above(0),
            "error of the velocity across the car and out of the road, white at 100 Hz [m/s]");
   keys.add("out_of_road_sigma_mps", out_of_road_sigma_mps, above(0),
-           "likewise, as the accelerometer is held to the road: more follows slower swings of the body, and "
-           "more of its "
-           "own error [m/s]");
+           "error of no velocity out of the road, white at 100 Hz, to which the accelerometer is held; "
+           "larger: slower "
+           "swings of the body are followed, and the accelerometer's drift too [m/s]");
   keys.add("unknown_tilt_rate_dps", unknown_tilt_rate_dps, above(0),
            "roll and pitch rates without a gyro, white at 100 Hz [deg/s]");
   keys.add("drag_per_m", drag_per_m, atLeast(0), "deceleration by drag over the speed squared [1/m]");
   keys.add("downforce_per_m", downforce_per_m, atLeast(0),
            "downforce on the rear axle per mass that it carries, over the speed squared [1/m]");
   keys.add("load_lag_s", load_lag_s, above(0), "slip follows the load of the tyres with this lag [s]");
+  keys.add("fastest_heave_mps", fastest_heave_mps, above(0),
+           "an accelerometer by which the body swings faster is not believed of it for half a minute [m/s]");
 }
 
 MotionHistory::MotionHistory(const MotionOptions& options, const CalibrationOptions& calibration)
@@ -62,9 +60,8 @@ MotionHistory::MotionHistory(const MotionOptions& options, const CalibrationOpti
       x_speed(options.memory_s, options.max_gap_s),
       x_vehicle_yaw_rate_rps(options.memory_s, options.max_gap_s),
       x_steering_rad(options.memory_s, options.max_gap_s),
-      x_weight_mps2(options.memory_s, options.max_gap_s),
-      x_vertical(options.crosswise_sigma_mps, options.out_of_road_sigma_mps, options.max_gap_s),
-      x_vertical_mps(options.memory_s, options.max_gap_s) {}
+      x_suspension({options.memory_s, options.max_gap_s, options.load_lag_s, options.crosswise_sigma_mps,
+                    options.out_of_road_sigma_mps, options.fastest_heave_mps}) {}
 
 void MotionHistory::add(const MotionSample& sample) {
   if (!std::isfinite(sample.speed_mps) || !std::isfinite(sample.yaw_rate_rps)) return;
@@ -113,39 +110,15 @@ void MotionHistory::add(const ImuSample& sample) {
   if (x_gyro_frozen) {  // what it said since then was no measurement either
     x_gyro_rps.dropSince(*x_same_gyro_since_s);
     x_force_mps2.dropSince(*x_same_gyro_since_s);
-    x_weight_mps2.dropSince(*x_same_gyro_since_s);
-    x_vertical_mps.dropSince(*x_same_gyro_since_s);
-    x_vertical.forget();
+    x_suspension.dropSince(*x_same_gyro_since_s);
     return;
   }
   x_gyro_rps.add(sample.stamp_s, sample.gyro_body_rps);
   x_force_mps2.add(sample.stamp_s, sample.specific_force_body_mps2);
-  addSprings(sample);
-}
-
-void MotionHistory::addSprings(const ImuSample& sample) {
-  const double weight_mps2 = sample.specific_force_body_mps2.z();
-  const auto before = x_weight_mps2.samples();
-  const bool goes_on = !before.empty() && sample.stamp_s - before.back().stamp_s <= x_options.max_gap_s;
-  const double lag = goes_on ? std::exp(-(sample.stamp_s - before.back().stamp_s) / x_options.load_lag_s) : 0;
-  x_weight_mps2.add(sample.stamp_s,
-                    goes_on ? weight_mps2 + lag * (before.back().value - weight_mps2) : weight_mps2);
-  std::optional<VerticalVelocity::OnRoad> on_road;
+  std::optional<HeaveVelocity::OnRoad> road;
   if (const auto rates = ratesAt(sample.stamp_s))
-    on_road = {rates->twist(3), rates->twist(4), std::sqrt(rates->noise_density(3) / kSample_s)};
-  // With the gyro as it is: what its bias does at a speed goes into the filter's force at rest, and no estimate of the
-  // bias, which learns from what is predicted here, can swing with it.
-  const double vertical_mps = x_vertical.add(
-      {sample.stamp_s, sample.gyro_body_rps, sample.specific_force_body_mps2}, x_p_body_imu_m, on_road);
-  if (std::abs(vertical_mps) > kFlying_mps) {
-    x_last_flight_s = sample.stamp_s;
-    x_vertical.forget();
-  }
-  x_vertical_mps.add(sample.stamp_s, fliesAt(sample.stamp_s) ? 0 : vertical_mps);
-}
-
-bool MotionHistory::fliesAt(double stamp_s) const {
-  return x_last_flight_s && stamp_s - *x_last_flight_s < kFlight_s;
+    road = {rates->twist(3), rates->twist(4), std::sqrt(rates->noise_density(3) / kSample_s)};
+  x_suspension.add(sample, road);
 }
 
 bool MotionHistory::hasWheels(double stamp_s) const {
@@ -155,8 +128,7 @@ bool MotionHistory::hasWheels(double stamp_s) const {
 std::vector<std::string> MotionHistory::faults() const {
   std::vector<std::string> faults;
   if (x_gyro_frozen) faults.push_back(x_imu_label + ": gyro frozen or saturated");
-  if (x_last_imu_s && fliesAt(*x_last_imu_s))
-    faults.push_back(x_imu_label + ": accelerometer contradicts the road");
+  if (x_suspension.contradictsRoad()) faults.push_back(x_imu_label + ": accelerometer contradicts the road");
   if (x_wheels_refused) faults.push_back(x_vehicle_label + ": wheel speed contradicts the car's motion");
   if (x_last_imu_s && x_last_wheels_s) {
     if (*x_last_wheels_s - *x_last_imu_s > x_options.max_gap_s) faults.push_back(x_imu_label + ": silent");
@@ -247,10 +219,10 @@ std::optional<MotionHistory::YawRate> MotionHistory::blended(const YawRates& rat
 
 MotionHistory::TyreForces MotionHistory::tyreForces(double stamp_s, double speed_mps,
                                                     double yaw_rate_rps) const {
-  constexpr double kGravity_mps2 = 9.81;
   const auto force = x_force_mps2.at(stamp_s);
   const double squared = speed_mps * speed_mps;
-  const double weight_mps2 = std::max(0.5 * kGravity_mps2, x_weight_mps2.at(stamp_s).value_or(kGravity_mps2));
+  const double weight_mps2 =
+      std::max(0.5 * kGravity_mps2, x_suspension.load_mps2(stamp_s).value_or(kGravity_mps2));
   const double load = (weight_mps2 + x_options.downforce_per_m * squared) / kGravity_mps2;
   const double pull_mps2 = (force ? force->x() : 0) + x_options.drag_per_m * squared;
   constexpr double kBrakesOnDrivenAxle = 0.5;  // the engine's pull is all on it
@@ -278,17 +250,16 @@ std::optional<BodyRates> MotionHistory::ratesAt(double stamp_s) const {
     rates.J_calibration(0, kGyroBiasX) = rates.J_calibration(1, kGyroBiasY) = -1;
   }
   const double slip_rad = -c(kSideslip) * tyres.across_mps2;
-  rates.twist.tail<3>() << forward_mps, slip_rad * forward_mps,
-      c(kClimb) * forward_mps + x_vertical_mps.at(stamp_s).value_or(0);
+  const Eigen::Vector3d along(1, slip_rad, c(kRise));
+  rates.twist.tail<3>() = forward_mps * along + Eigen::Vector3d(0, 0, x_suspension.heave_mps(stamp_s));
   rates.twist(2) = yaw.rate_rps;
   rates.J_calibration.row(2) = yaw.J;
-  const Eigen::Vector2d along(1, slip_rad);
   if (by_wheels) {
-    rates.J_calibration.block<2, 1>(3, kWheelScale) = speed->x() * along;
-    rates.J_calibration.block<2, 1>(3, kTraction) = -tyres.along_mps2 * speed->x() * along;
+    rates.J_calibration.block<3, 1>(3, kWheelScale) = speed->x() * along;
+    rates.J_calibration.block<3, 1>(3, kTraction) = -tyres.along_mps2 * speed->x() * along;
   }
-  rates.J_calibration(5, kClimb) = forward_mps;
   rates.J_calibration(4, kSideslip) = -tyres.across_mps2 * forward_mps;
+  rates.J_calibration(5, kRise) = forward_mps;
   // White noise of samples at 100 Hz; a gyro that is read less often misses how the body shakes in between.
   constexpr double kMissesAll_s = 0.1;
   const double missed = gyro ? std::min(1.0, std::pow(x_gyro_rps.spacing_s(stamp_s) / kMissesAll_s, 2)) : 1;

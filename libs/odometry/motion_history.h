@@ -15,12 +15,9 @@
 #include "odometry/motion_calibration.h"
 #include "odometry/preintegration.h"
 #include "odometry/speed_check.h"
-#include "odometry/vertical_velocity.h"
+#include "odometry/suspension.h"
 
 namespace raceloc {
-
-/** Sigmas of rates are those of samples at 100 Hz: white noise of this density per variance. */
-constexpr double kSample_s = 0.01;
 
 /** Section [motion]. */
 struct MotionOptions {
@@ -38,6 +35,7 @@ struct MotionOptions {
   double drag_per_m = 6e-4;
   double downforce_per_m = 1.4e-3;
   double load_lag_s = 1.0;
+  double fastest_heave_mps = 1.5;
   void describe(OptionList& keys);
 };
 
@@ -48,13 +46,12 @@ struct MotionOptions {
  * acceleration; each may be absent, and any one of them carries the yaw rate alone; one that contradicts the gyro is
  * left out, as is the gyro when both of the others contradict it, unless all they say is one message that repeats.
  * Translation: wheel speed, less the slip that traction needs, along the rear axle's course, which lies off the
- * heading by side-slip; both are in proportion to the force that the tyres bear over their load, with a lag: the car does
- * not slide to and fro as its springs swing. Never from acceleration, but for how the body moves along its own z axis, as
- * it pitches and heaves (VerticalVelocity), and that in the mean of a second it is off the road by an angle that scan
- * matches teach. While the wheels are silent, the speed of the newest observe() goes on.
+ * heading by side-slip; both are in proportion to the force that the tyres bear over their load. Never from
+ * acceleration, but for how the body swings along its own z axis (Suspension); by what slow angle its course lies above
+ * its x axis, scan matches teach. While the wheels are silent, the speed of the newest observe() goes on.
  * A gyro that repeats itself while the car moves, whole or on an axis that turns fast (saturated), and a wheel speed
- * that neither force nor scan matches can explain, are dropped and named; so is, of the swings, an accelerometer that
- * sees the car fly. Source: reading.md section 5. */
+ * that neither force nor scan matches can explain, are dropped and named; so is, for the swings, an accelerometer
+ * by which the car would leave the road. Source: reading.md section 5. */
 class MotionHistory {
  public:
   explicit MotionHistory(const MotionOptions& options, const CalibrationOptions& calibration = {});
@@ -130,10 +127,6 @@ class MotionHistory {
   /** Calls `take(rates, step_s)` for the cells of an interval. \return whether all of it is covered */
   template <class Take>
   bool forCells(double from_s, double to_s, const Take& take) const;
-  /** What follows from the accelerometer alone: load and swings of the body. */
-  void addSprings(const ImuSample& sample);
-  /** Whether the accelerometer said, not long before, that the body leaves the road. */
-  [[nodiscard]] bool fliesAt(double stamp_s) const;
   [[nodiscard]] std::optional<double> meanForce(double from_s, double to_s) const;
 
   MotionOptions x_options;
@@ -143,10 +136,8 @@ class MotionHistory {
   TimeSeries<Eigen::Vector2d>
       x_speed;  ///< measured or, where it was refused or silent, likely [m/s]; its variance
   TimeSeries<double> x_vehicle_yaw_rate_rps, x_steering_rad;
-  TimeSeries<double> x_weight_mps2;  ///< force out of the road, with the lag of the load
-  VerticalVelocity x_vertical;
-  TimeSeries<double> x_vertical_mps;
-  std::optional<double> x_last_imu_s, x_last_wheels_s, x_same_gyro_since_s, x_last_flight_s;
+  Suspension x_suspension;
+  std::optional<double> x_last_imu_s, x_last_wheels_s, x_same_gyro_since_s;
   Eigen::Vector3d x_last_gyro_rps = Eigen::Vector3d::Zero(), x_p_body_imu_m = Eigen::Vector3d::Zero();
   int x_same_gyro = 0;
   std::optional<MotionSample> x_last_vehicle;

@@ -7,6 +7,9 @@
 
 namespace raceloc {
 
+/** Sigmas of rates are those of samples at 100 Hz: white noise of this density per variance. */
+constexpr double kSample_s = 0.01;
+
 /** What calibrates the sources of motion, as a vector. */
 enum Calibration {
   kGyroBiasX,  ///< of the gyro in the body's axes [rad/s]: true = measured - bias
@@ -16,7 +19,7 @@ enum Calibration {
   kTraction,        ///< slip of the driven wheels per force along the car [1 per m/s^2, at the load of 1 g]
   kSteeringOffset,  ///< of the road wheels [rad]: true = measured - offset
   kSideslip,  ///< angle from course to heading at the rear axle per lateral force [rad per m/s^2, at 1 g]
-  kClimb,     ///< angle from the body's x axis up to its course, in the mean of a second [rad]
+  kRise,      ///< slow angle from the body's x axis up to its course: minus the angle of attack [rad]
   kCalibrations
 };
 using CalibrationVector = Eigen::Matrix<double, kCalibrations, 1>;

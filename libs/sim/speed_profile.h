@@ -10,7 +10,6 @@
 
 namespace raceloc {
 
-constexpr double kGravity_mps2 = 9.80665;
 constexpr double kAirDensity_kgpm3 = 1.225;
 
 /** Speed along the racing line, each lap the same: the largest that keeps within the pace, the engine, and

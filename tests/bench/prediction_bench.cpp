@@ -81,7 +81,8 @@ void run(const std::string& ini, const std::string& log, const std::string& trut
             << ") deg/s, wheel scale " << c(kWheelScale) << " (" << sigma(kWheelScale)
             << "), steering offset " << c(kSteeringOffset) / kDegree << " ("
             << sigma(kSteeringOffset) / kDegree << ") deg, side-slip " << c(kSideslip) / kDegree << " ("
-            << sigma(kSideslip) / kDegree << ") deg per m/s^2\n";
+            << sigma(kSideslip) / kDegree << ") deg per m/s^2, rise " << c(kRise) / kDegree << " ("
+            << sigma(kRise) / kDegree << ") deg\n";
 }
 
 }  // namespace

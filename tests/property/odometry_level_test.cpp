@@ -12,7 +12,6 @@ using test::plainCalibration;
 using test::plainMotion;
 using test::Random;
 
-constexpr double kGravity_mps2 = 9.80665;
 constexpr double kStep_s = 0.1;
 /** A car on a banked circle, as its sensors feel it. The speed goes up all the time. */
 struct BankedTurn {

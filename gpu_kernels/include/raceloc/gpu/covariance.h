@@ -36,7 +36,7 @@ struct CovarianceOptions {
   float polynomial_c = 1.0F;             ///< > 0
   int polynomial_degree = 2;             ///< >= 1
   float hist_s_m = 1.0F;                 ///< > 0; the radius is a good choice
-  float plane_epsilon = 1e-3F;           ///< in (0, 1]
+  float plane_epsilon = 4e-4F;           ///< in (0, 1]; of 1 m along a surface, the 2 cm of a LiDAR across it
   /** With fewer the covariance is isotropic and says so by `neighbours`: of variance radius^2 [m^2], for `plane`
    * of 4 among its 1s. */
   int min_neighbours = 5;

@@ -1,28 +1,35 @@
-#include "odometry/vertical_velocity.h"
+#include "odometry/heave_velocity.h"
 
 #include <Eigen/Cholesky>
+
+#include "odometry/preintegration.h"
 
 namespace raceloc {
 
 namespace {
 
-constexpr double kGravity_mps2 = 9.81;
-constexpr double kSample_s = 0.01;       // sigmas are of 100 Hz
-constexpr double kForce_mps2 = 0.5;      // the accelerometer's, vibrations included
+constexpr double kForce_mps2 = 0.5;      // of the accelerometer, white at 100 Hz, vibrations included
 constexpr double kWalk_mps2 = 0.05;      // in a second: gravity, turned by a gyro that is 0.3 deg/s off
-constexpr double kStart_mps = 1;         // as springs and pitch move it
+constexpr double kStart_mps = 1;         // as springs and pitch move the body
 constexpr double kStartTilt_mps2 = 2.5;  // gravity, 15 deg off
+constexpr double kSwingTenth_s = 0.035;  // bodies swing at 1 to 4 Hz
+
+Eigen::Vector3d leverVelocity_mps(const HeaveVelocity::Sample& sample) {
+  return sample.gyro_rps.cross(sample.p_body_imu_m);
+}
 
 }  // namespace
 
-void VerticalVelocity::start(const Eigen::Vector3d& velocity_mps) {
-  x_mean << velocity_mps, 0, 0, kGravity_mps2;
+void HeaveVelocity::start(const Sample& sample, const OnRoad& road) {
+  x_mean << leverVelocity_mps(sample) + Eigen::Vector3d(road.forward_mps, road.lateral_mps, 0), 0, 0,
+      kGravity_mps2;
   x_covariance.setZero();
-  x_covariance.diagonal().head<3>().setConstant(kStart_mps * kStart_mps);
-  x_covariance.diagonal().tail<3>().setConstant(kStartTilt_mps2 * kStartTilt_mps2);
+  x_covariance.diagonal() << std::pow(road.forward_sigma_mps, 2),
+      Eigen::Vector2d::Constant(kStart_mps * kStart_mps),
+      Eigen::Vector3d::Constant(kStartTilt_mps2 * kStartTilt_mps2);
 }
 
-void VerticalVelocity::predict(const Sample& to) {
+void HeaveVelocity::predict(const Sample& to) {
   const double dt_s = to.stamp_s - x_last->stamp_s;
   Vector6d back = Vector6d::Zero();
   back.head<3>() = -0.5 * dt_s * (x_last->gyro_rps + to.gyro_rps);
@@ -37,21 +44,19 @@ void VerticalVelocity::predict(const Sample& to) {
   x_covariance.diagonal().tail<3>().array() += kWalk_mps2 * kWalk_mps2 * dt_s;
 }
 
-double VerticalVelocity::add(const Sample& sample, const Eigen::Vector3d& p_body_imu_m,
-                             const std::optional<OnRoad>& on_road) {
-  constexpr double kUnknown_mps = 1000;  // at 100 Hz: any speed of a car
-  const OnRoad road = on_road.value_or(OnRoad{0, 0, kUnknown_mps});
-  const Eigen::Vector3d lever_mps = sample.gyro_rps.cross(p_body_imu_m);
-  const Eigen::Vector3d road_mps = lever_mps + Eigen::Vector3d(road.ahead_mps, road.across_mps, 0);
-  if (!x_last || sample.stamp_s - x_last->stamp_s > x_max_gap_s) {
-    start(road_mps);
+double HeaveVelocity::add(const Sample& sample, const OnRoad& road) {
+  if (!x_last || sample.stamp_s - x_last->stamp_s > kSwingTenth_s ||
+      sample.p_body_imu_m != x_last->p_body_imu_m) {
+    start(sample, road);
     x_last = sample;
     return 0;
   }
   predict(sample);
-  const Eigen::Vector3d sigma_mps(road.ahead_sigma_mps, on_road ? x_across_sigma_mps : kUnknown_mps,
-                                  x_out_of_road_sigma_mps);
-  const Eigen::Vector3d variance = sigma_mps.cwiseAbs2() * (kSample_s / (sample.stamp_s - x_last->stamp_s));
+  const Eigen::Vector3d lever_mps = leverVelocity_mps(sample);
+  const Eigen::Vector3d road_mps = lever_mps + Eigen::Vector3d(road.forward_mps, road.lateral_mps, 0);
+  const Eigen::Vector3d variance =
+      Eigen::Vector3d(road.forward_sigma_mps, x_lateral_sigma_mps, x_out_of_road_sigma_mps).cwiseAbs2() *
+      (kSample_s / (sample.stamp_s - x_last->stamp_s));
   const Eigen::Matrix3d S = x_covariance.topLeftCorner<3, 3>() + Eigen::Matrix3d(variance.asDiagonal());
   const Eigen::Matrix<double, 6, 3> K = S.ldlt().solve(x_covariance.topRows<3>()).transpose();
   Matrix6d rest = Matrix6d::Identity();
