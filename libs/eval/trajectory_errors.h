@@ -72,10 +72,10 @@ struct Evaluation {
                                                double max_gap_s);
 
 /** Errors of the estimate at each of its stamps.
- * \throws InputError naming both files if less than half of the estimate has a truth; if there is too little to align; and
- * without alignment, if both say where their map lies and differ, or if they show it (frameMismatches()).
- * Source: Sturm et al., IROS 2012 (ATE); Umeyama, PAMI 1991; Moakher, SIAM J. Matrix Anal.
- * Appl. 2002 (projected arithmetic mean of rotations). */
+ * \throws InputError naming both files if less than half of the estimate has a truth; if there is too little to
+ * align; and without alignment, if both say where their map lies and differ, or if they show it (frameMismatches()).
+ * Source: Sturm et al., IROS 2012 (ATE); Umeyama, PAMI 1991; Moakher, SIAM J. Matrix Anal. Appl. 2002 (projected
+ * arithmetic mean of rotations). */
 [[nodiscard]] Evaluation evaluate(TrajectoryFile truth, TrajectoryFile estimate, const EvalOptions& options);
 
 }  // namespace raceloc

@@ -14,8 +14,8 @@ namespace raceloc {
  * It is held, loosely, to the velocity of the road: ahead as the wheels say, across by side-slip, and none out of it.
  * At 60 m/s a body that pitches by 0.2 deg moves along its z axis by 0.2 m/s. What is slower than
  *   sqrt(walk / (out_of_road_sigma * sqrt(0.01 s))) / 2 pi,
- * 0.07 Hz as shipped, is held back. Source: inertial navigation in body axes, e.g. Groves, Principles of GNSS (2013), ch. 5,
- * without the earth's turn; held to the road as in Dissanayake et al., IEEE TRA 17 (2001). */
+ * 0.07 Hz as shipped, is held back. Source: inertial navigation in body axes, e.g. Groves, Principles of GNSS (2013),
+ * ch. 5, without the earth's turn; held to the road as in Dissanayake et al., IEEE TRA 17 (2001). */
 class HeaveVelocity {
  public:
   /** White errors at 100 Hz of what it is held to, across the road and out of it. */
@@ -33,8 +33,8 @@ class HeaveVelocity {
     double forward_mps, lateral_mps;
     double forward_sigma_mps;  ///< white at 100 Hz
   };
-  /** The stamps of samples increase. When more than a swing's tenth is missing, or the IMU is another one, it starts again.
-   * \return velocity of the body's origin along its z axis, at the sample [m/s]; 0 at a start */
+  /** The stamps of samples increase. When more than a swing's tenth is missing, or the IMU is another one, it starts
+   * again. \return velocity of the body's origin along its z axis, at the sample [m/s]; 0 at a start */
   double add(const Sample& sample, const OnRoad& road);
 
   void forget() { x_last.reset(); }

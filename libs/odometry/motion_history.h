@@ -94,8 +94,8 @@ class MotionHistory {
   [[nodiscard]] std::optional<Impulse> impulse(double from_s, double to_s) const;
   [[nodiscard]] const Eigen::Vector3d& p_body_imu_m() const { return x_p_body_imu_m; }
 
-  /** A motion that was measured by other means, or mostly so: teaches the calibration, checks the wheels and, while they are silent,
-   * tells the speed. Nothing if `to_s` is not later than `from_s`. \param covariance of the right increment (rad, m),
+  /** A motion that was measured by other means, or mostly so: teaches the calibration, checks the wheels and, while they
+   * are silent, tells the speed. Nothing if `to_s` is not later than `from_s`. \param covariance of the right increment (rad, m),
    * positive definite */
   void observe(double from_s, double to_s, const Pose& T_from_to, const Matrix6d& covariance);
 

@@ -296,8 +296,9 @@ struct Swinging {
   Eigen::Vector3d p_body_imu_m;
 };
 
-/** In a sweep the body moves along z by up to 60 mm. What is slower than 0.07 Hz is held back, which bends a swing at 1.5 Hz
- * by a twentieth: 3 mm. The noise of gyro and accelerometer adds up to 0.02 m/s over the 3 s that are remembered. */
+/** In a sweep the body moves along z by up to 60 mm. What is slower than 0.07 Hz is held back, which bends a swing at
+ * 1.5 Hz by a twentieth: 3 mm. The noise of gyro and accelerometer adds up to 0.02 m/s over the 3 s that are
+ * remembered. */
 constexpr double kFollowed_m = 5e-3;
 
 TEST(MotionHistory, FollowsABodyThatPitchesAndHeaves) {
@@ -403,8 +404,8 @@ TEST(MotionHistory, SlipDoesNotSwingWithTheSprings) {
     return history;
   };
   const MotionHistory smooth = driven(0), rough = driven(5);
-  // Without a swing a sweep goes 0.09 m to the side; a load that swings by a half would swing that by as much. With a lag of 1 s,
-  // a swing at 3.1 Hz has a twentieth of it left.
+  // Without a swing a sweep goes 0.09 m to the side; a load that swings by a half would swing that by as much. With a
+  // lag of 1 s, a swing at 3.1 Hz has a twentieth of it left.
   for (double t = 3; t < 3.9; t += 0.03)
     EXPECT_NEAR(rough.preintegrated(t, t + 0.1)->T_start_end.translation().y(),
                 smooth.preintegrated(t, t + 0.1)->T_start_end.translation().y(), 3e-3)
@@ -463,8 +464,8 @@ TEST(MotionCalibrationProperty, LearnsWhatIsWrongWithTheSources) {
     }
     EXPECT_GT(believed, 295);  // 1 of 1000 is beyond chance
     const CalibrationVector left = learnt.covariance().diagonal().cwiseSqrt();
-    // The rise wanders by 0.1 deg in a second, and a scan tells it to 0.03 m in 0.1 s at 20 m/s or more, 0.9 deg: what is
-    // left of its 0.3 deg is sqrt(0.1 * sqrt(0.1 s) * 0.9) = 0.17 deg.
+    // The rise wanders by 0.1 deg in a second, and a scan tells it to 0.03 m in 0.1 s at 20 m/s or more, 0.9 deg: what
+    // is left of its 0.3 deg is sqrt(0.1 * sqrt(0.1 s) * 0.9) = 0.17 deg.
     for (const int k : {kGyroBiasX, kGyroBiasY, kGyroBiasZ, kWheelScale, kTraction, kSideslip, kRise}) {
       EXPECT_LT(left(k), (k == kRise ? 0.6 : 0.3) * sigma(k)) << k;
       EXPECT_LT(std::abs(learnt.mean()(k) - truth(k)), 5 * left(k))

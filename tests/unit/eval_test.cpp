@@ -167,8 +167,8 @@ TEST(Evaluation, AxesThatAreADegreeOffAreDriftUntilTheyAreAligned) {
   };
   const auto truth = sampled("truth.tum", 0, 10, 0.1, [](double t_s) { return onCircle(t_s); });
   const auto estimate = sampled("estimate.tum", 0, 10, 0.1, turned);
-  // 21 steps of just under a metre, each 0.02 rad of the circle, are a piece of 20 m; its chord points a degree to the right
-  // of where it should, and is off by the base of a triangle with two sides of its length
+  // 21 steps of just under a metre, each 0.02 rad of the circle, are a piece of 20 m; its chord points a degree to the
+  // right of where it should, and is off by the base of a triangle with two sides of its length
   const double piece_m = 21 * 100 * std::sin(0.01);
   const double chord_m = 100 * std::sin(0.21);
   EXPECT_NEAR(evaluate(truth, estimate, aligned()).relative[0].translation_percent,
