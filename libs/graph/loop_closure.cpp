@@ -149,8 +149,6 @@ CovarianceCloud LoopMatcher::submap(std::size_t key) const {
 
 namespace {
 
-double fitOf(const Registration& match) { return match.inlier_share / (match.residual_m + 1e-3); }
-
 /** Where a match settled that began beside the best one. */
 struct Settled {
   double along_m;  ///< from the best one, along its weakest direction

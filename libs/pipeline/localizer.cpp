@@ -235,17 +235,21 @@ std::optional<Registration> Localizer::search(const CovarianceCloud& source, con
                                               const std::optional<Eigen::Matrix2d>& claim_m2) {
   if (!x_window.moveTo(T_guess.translation().head<2>())) return std::nullopt;
   const GicpOptions& gicp = x_options.matching.registration;
+  const Registration best =
+      alignWithSearch(x_context, source, x_window.target(), T_guess, gicp, x_options.search);
   const double limit = chiSquareLimit(x_options.estimator.reliability.confirm_false_alarm, 2);
   if (claim_m2 && limit * claim_m2->trace() < std::pow(x_options.search.step_m, 2)) {
+    // Of places that look alike, a sure fix tells which, and also where it is along the weakest direction of one that has
+    // not come to rest. Where another looks better, it is the fix that lies.
     const Registration here = align(x_context, source, x_window.target(), T_guess, gicp);
-    if (here.plausible(gicp)) {  // the fix tells what its weakest direction does not
-      const Eigen::Vector2d off_m = (here.T_target_source.translation() - T_guess.translation()).head<2>();
-      if (squaredMahalanobis(off_m, *claim_m2 + planarFix(here).cov_p_m2) <= limit) return here;
-    }
+    const Eigen::Vector2d off_m = (here.T_target_source.translation() - T_guess.translation()).head<2>();
+    constexpr double kAlike = 0.8;
+    if (here.plausible(gicp) && (!best.trusted(gicp) || fitOf(here) > kAlike * fitOf(best)) &&
+        squaredMahalanobis(off_m, *claim_m2 + planarFix(here).cov_p_m2) <= limit)
+      return here;
   }
-  Registration match = alignWithSearch(x_context, source, x_window.target(), T_guess, gicp, x_options.search);
-  if (!match.trusted(gicp)) return std::nullopt;
-  return match;
+  if (!best.trusted(gicp)) return std::nullopt;
+  return best;
 }
 
 void Localizer::tryStart(const Sweep& sweep) {

@@ -43,6 +43,8 @@ struct Guess {
 
 }  // namespace
 
+double fitOf(const Registration& match) { return match.inlier_share / (match.residual_m + 1e-3); }
+
 Registration alignWithSearch(gpu::Context& context, const CovarianceCloud& source,
                              const gpu::VoxelMap& target, const Pose& T_target_source_guess,
                              const GicpOptions& options, const SearchOptions& search) {
@@ -64,9 +66,7 @@ Registration alignWithSearch(gpu::Context& context, const CovarianceCloud& sourc
   std::stable_sort(guesses.begin(), guesses.end(), better);
   guesses.resize(std::min(guesses.size(), static_cast<std::size_t>(search.finalists)));
 
-  const auto score = [&](const Registration& r) {
-    return r.trusted(options) ? r.inlier_share / (r.residual_m + 1e-3) : -1.0;
-  };
+  const auto score = [&](const Registration& r) { return r.trusted(options) ? fitOf(r) : -1.0; };
   Registration best = align(context, source, target, T_target_source_guess, options);
   for (const auto& guess : guesses) {
     const Registration r = align(context, source, target, guess.T_target_source, options);

@@ -15,6 +15,9 @@ struct SearchOptions {
   void describe(OptionList& keys);
 };
 
+/** How well a match fits, to be compared with others of one scan: its inlier share over its residual [1/m]. */
+[[nodiscard]] double fitOf(const Registration& match);
+
 /** The best of many matches: guesses on a square grid around `T_target_source_guess` (horizontal shifts up to
  * the radius, attitude and height as guessed) are ranked by how many points fall into occupied voxels; the
  * finalists are aligned, and the trusted one with the smallest residual for its inlier share wins. When none

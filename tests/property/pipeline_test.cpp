@@ -160,6 +160,17 @@ TEST_F(LocalizerTest, BesideASureFixAMatchThatGoesOnAlongItsWeakestDirectionIsNo
   EXPECT_LT(start_->match_to_fix_m, kMatch_m + 0.06);  // and three sigmas of the fix
 }
 
+TEST_F(LocalizerTest, AFixThatLiesFromTheFirstOnDoesNotHoldTheStartWhereAnotherPlaceFitsBetter) {
+  for (const double lie_m : {4, 8, 12, 16, 20}) {
+    static_cast<void>(drive([lie_m](Sample& sample, Random&) {
+      if (auto* fix = std::get_if<GpsFix>(&sample)) fix->p_map_antenna_m.x() += lie_m;  // and claims 2 cm
+      return true;
+    }));
+    ASSERT_TRUE(start_ && start_->by_match) << lie_m;
+    EXPECT_NEAR(start_->match_to_fix_m, lie_m, kMatch_m + 0.06) << lie_m;
+  }
+}
+
 TEST_F(LocalizerTest, WhenTheGpsStopsTheMatchCarriesOn) {
   const auto outputs =
       drive([](Sample& sample, Random&) { return stampOf(sample) < 1 || labelOf(sample) != "gps_a"; });
