@@ -235,7 +235,7 @@ def real(apps, quick, peers):
     def peer(which):
         return lambda name, log: peer_odometry(apps, peers, which, name, log)
 
-    # README: 0.106 and 0.114 m, against an INS that is good to decimetres; odometry 0.96 and 0.81 % over 80 m.
+    # README: 0.128 and 0.139 m, against an INS that is good to decimetres; odometry 0.96 and 0.80 % over 80 m.
     localization = {"rmse in the plane [m]": (0, 0.2)}
     rows = [Row("0013, on the map of every other scan", 8, lambda: localized("map"), "", localization),
             Row("0013, the same without GPS after the first second", 8, lambda: localized("no_gps", "--disable", "gps_*"), "",
