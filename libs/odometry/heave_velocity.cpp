@@ -12,7 +12,6 @@ constexpr double kForce_mps2 = 0.5;      // of the accelerometer, white at 100 H
 constexpr double kWalk_mps2 = 0.05;      // in a second: gravity, turned by a gyro that is 0.3 deg/s off
 constexpr double kStart_mps = 1;         // as springs and pitch move the body
 constexpr double kStartTilt_mps2 = 2.5;  // gravity, 15 deg off
-constexpr double kSwingTenth_s = 0.035;  // bodies swing at 1 to 4 Hz
 
 Eigen::Vector3d leverVelocity_mps(const HeaveVelocity::Sample& sample) {
   return sample.gyro_rps.cross(sample.p_body_imu_m);

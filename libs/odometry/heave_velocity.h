@@ -18,6 +18,9 @@ namespace raceloc {
  * ch. 5, without the earth's turn; held to the road as in Dissanayake et al., IEEE TRA 17 (2001). */
 class HeaveVelocity {
  public:
+  /** Bodies swing at 1 to 4 Hz: what is missing for longer than a tenth of a swing is not known. */
+  static constexpr double kSwingTenth_s = 0.035;
+
   /** White errors at 100 Hz of what it is held to, across the road and out of it. */
   HeaveVelocity(double lateral_sigma_mps, double out_of_road_sigma_mps)
       : x_lateral_sigma_mps(lateral_sigma_mps), x_out_of_road_sigma_mps(out_of_road_sigma_mps) {}

@@ -128,7 +128,8 @@ bool MotionHistory::hasWheels(double stamp_s) const {
 std::vector<std::string> MotionHistory::faults() const {
   std::vector<std::string> faults;
   if (x_gyro_frozen) faults.push_back(x_imu_label + ": gyro frozen or saturated");
-  if (x_suspension.contradictsRoad()) faults.push_back(x_imu_label + ": accelerometer contradicts the road");
+  if (x_suspension.contradictsRoad())
+    faults.push_back(x_imu_label + ": gyro or accelerometer contradicts the road");
   if (x_wheels_refused) faults.push_back(x_vehicle_label + ": wheel speed contradicts the car's motion");
   if (x_last_imu_s && x_last_wheels_s) {
     if (*x_last_wheels_s - *x_last_imu_s > x_options.max_gap_s) faults.push_back(x_imu_label + ": silent");

@@ -50,8 +50,8 @@ struct MotionOptions {
  * acceleration, but for how the body swings along its own z axis (Suspension); by what slow angle its course lies above
  * its x axis, scan matches teach. While the wheels are silent, the speed of the newest observe() goes on.
  * A gyro that repeats itself while the car moves, whole or on an axis that turns fast (saturated), and a wheel speed
- * that neither force nor scan matches can explain, are dropped and named; so is, for the swings, an accelerometer
- * by which the car would leave the road. Source: reading.md section 5. */
+ * that neither force nor scan matches can explain, are dropped and named; so is, for the swings, an IMU by which
+ * the car would leave the road. Source: reading.md section 5. */
 class MotionHistory {
  public:
   explicit MotionHistory(const MotionOptions& options, const CalibrationOptions& calibration = {});

@@ -6,8 +6,6 @@ namespace raceloc {
 
 namespace {
 
-/** A swing is not held beyond what is told: soon it goes the other way. */
-constexpr double kHeld_s = 0.035;
 constexpr double kNotBelieved_s = 30;
 
 }  // namespace
@@ -16,7 +14,7 @@ Suspension::Suspension(const Options& o)
     : x_options(o),
       x_filter(o.lateral_sigma_mps, o.out_of_road_sigma_mps),
       x_load_mps2(o.memory_s, o.max_gap_s),
-      x_heave_mps(o.memory_s, kHeld_s) {}
+      x_heave_mps(o.memory_s, HeaveVelocity::kSwingTenth_s) {}
 
 void Suspension::add(const ImuSample& sample, const std::optional<HeaveVelocity::OnRoad>& road) {
   const double t = sample.stamp_s, force_mps2 = sample.specific_force_body_mps2.z();

@@ -31,7 +31,7 @@ class Suspension {
   [[nodiscard]] std::optional<double> load_mps2(double stamp_s) const { return x_load_mps2.at(stamp_s); }
   /** Velocity of the body's origin along its z axis, but for what is slow; 0 where nothing is told. */
   [[nodiscard]] double heave_mps(double stamp_s) const { return x_heave_mps.at(stamp_s).value_or(0); }
-  /** Whether the accelerometer is not believed now. */
+  /** Whether gyro and accelerometer are not believed now: which of them is wrong cannot be told. */
   [[nodiscard]] bool contradictsRoad() const;
 
  private:

@@ -382,7 +382,7 @@ TEST(MotionHistory, AnAccelerometerThatEndsBeforeTheBankDoesIsNamedAndMovesLittl
     if (in_turn) continue;
     EXPECT_THAT(history.faults(), IsEmpty()) << t;
   }
-  EXPECT_THAT(history.faults(), ElementsAre("imu: accelerometer contradicts the road"));
+  EXPECT_THAT(history.faults(), ElementsAre("imu: gyro or accelerometer contradicts the road"));
   // 3 m/s^2 are missing: after half a second, or a whole, since it is held to the road meanwhile, they make the 1.5 m/s
   // that are not believed.
   double moved_m = 0;
